@@ -1,0 +1,1 @@
+"""Figures of merit: what the model shows (visual) and how its players move (motion)."""
