@@ -74,7 +74,7 @@ class Camera:
         }
 
     @staticmethod
-    def from_dict(d: dict, where: str = "camera") -> "Camera":
+    def from_dict(d: object, where: str = "camera") -> "Camera":
         """Read what `as_dict` wrote.
 
         Args:
@@ -91,7 +91,10 @@ class Camera:
                 "write cameras with Camera.as_dict"
             )
         try:
-            return Camera(d["width"], d["height"], _listed(d, KEYS[2]), _listed(d, KEYS[3]))
+            _check_size(d["width"], d["height"])
+            intrinsics = _float_matrix("intrinsics", d["intrinsics"], (3, 3))
+            pose = _float_matrix("world_from_camera", d["world_from_camera"], (4, 4))
+            return Camera(d["width"], d["height"], intrinsics, pose)
         except CameraError as error:
             raise CameraError(f"{where}: {error}") from error
 
@@ -222,7 +225,7 @@ def _check_lens(lens: BlenderLens) -> None:
             raise CameraError(f"camera {name} is {value}; expected {wanted}")
 
 
-def _check_size(width: int, height: int) -> None:
+def _check_size(width: object, height: object) -> None:
     for name, value in (("width", width), ("height", height)):
         if not isinstance(value, int) or isinstance(value, bool) or value < 1:
             raise CameraError(f"{name} is {value!r}; expected a whole number of pixels above 0")
@@ -251,18 +254,13 @@ def _check_rigid(matrix: np.ndarray) -> None:
 def _float_matrix(name: str, value: object, shape: tuple[int, int]) -> np.ndarray:
     """A float64 copy, so that nobody else's array can change a frozen camera."""
     try:
-        matrix = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise CameraError(f"{name} is not a matrix of numbers: {error}") from error
+        matrix = np.array(value)
+    except ValueError as error:  # rows of unequal length
+        raise CameraError(f"{name} is not a matrix: {error}") from error
+    if matrix.dtype.kind not in "iuf":
+        raise CameraError(f"{name} holds something else than numbers: {value!r}")
     if matrix.shape != shape:
         raise CameraError(f"{name} has shape {matrix.shape}; expected {shape}")
     if not np.isfinite(matrix).all():
         raise CameraError(f"{name} holds NaN or infinity: {matrix.tolist()}")
-    return matrix
-
-
-def _listed(d: dict, key: str) -> np.ndarray:
-    try:
-        return np.array(d[key], dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise CameraError(f"{key} is not a matrix of numbers: {error}") from error
+    return matrix.astype(np.float64)
