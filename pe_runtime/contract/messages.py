@@ -12,7 +12,8 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, BinaryIO
+from io import BufferedIOBase
+from typing import Any
 
 import numpy as np
 
@@ -112,7 +113,7 @@ def failure(kind: str, message: str) -> Message:
     return Message("failure", {"kind": kind, "message": message})
 
 
-def write_message(stream: BinaryIO, message: Message) -> None:
+def write_message(stream: BufferedIOBase, message: Message) -> None:
     """Write one message and flush.
 
     Raises:
@@ -138,7 +139,7 @@ def write_message(stream: BinaryIO, message: Message) -> None:
     stream.flush()
 
 
-def read_message(stream: BinaryIO) -> Message | None:
+def read_message(stream: BufferedIOBase) -> Message | None:
     """Read one message; None when the stream ended cleanly between two messages.
 
     Raises:
@@ -170,7 +171,7 @@ def _wire_array(name: str, array: np.ndarray) -> np.ndarray:
     return array.astype(array.dtype.newbyteorder("<"), copy=False)
 
 
-def _read(stream: BinaryIO, count: int, what: str, may_end: bool = False) -> bytes | None:
+def _read(stream: BufferedIOBase, count: int, what: str, may_end: bool = False) -> bytes | None:
     """Exactly ``count`` bytes; None at a clean end where one is allowed."""
     chunks, missing = [], count
     while missing:
