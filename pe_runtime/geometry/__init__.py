@@ -1,0 +1,1 @@
+"""Cameras, rays, boxes and the ground plane, as pure functions on tensors."""

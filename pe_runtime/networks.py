@@ -1,0 +1,254 @@
+"""The synthesis module: encoders, fields and feature renderer of one model."""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor, nn
+
+from pe_runtime.config import ModelConfig
+from pe_runtime.field.object_field import ObjectField
+from pe_runtime.geometry.cameras import Cameras, ray_directions
+from pe_runtime.perception.localization import locate
+from pe_runtime.perception.object_encoder import (
+    ObjectEncoder,
+    crop_boxes,
+    cut_out,
+    view_features,
+)
+from pe_runtime.rendering.feature_renderer import FeatureRenderer
+from pe_runtime.rendering.renderer import (
+    Composition,
+    Rays,
+    RenderSettings,
+    SceneObject,
+    compose,
+)
+from pe_runtime.rendering.sampling import grid_pixels
+
+
+@dataclass(frozen=True)
+class Codes:
+    """States of one object in every frame of a batch.
+
+    Attributes:
+        position: Metres, environment space.
+        style: w of each frame.
+        pose: pi of each frame.
+        visible: Whether the object is there to be drawn.
+    """
+
+    position: Float[Tensor, "frames 3"]
+    style: Float[Tensor, "frames style"]
+    pose: Float[Tensor, "frames pose"]
+    visible: Bool[Tensor, " frames"]
+
+
+class SynthesisNetworks(nn.Module):
+    """All networks of the synthesis module; objects of a class share theirs.
+
+    Args:
+        config: The environment.
+    """
+
+    def __init__(self, config: ModelConfig) -> None:
+        super().__init__()
+        self.config = config
+        features = sum(config.feature_renderer.features)
+        self.fields = nn.ModuleDict(
+            {n: ObjectField(c, features) for n, c in config.classes.items()}
+        )
+        self.encoders = nn.ModuleDict({n: ObjectEncoder(c) for n, c in config.classes.items()})
+        self.feature_renderer = FeatureRenderer(config.feature_renderer)
+
+    def encode(
+        self,
+        images: Float[Tensor, "frames 3 height width"],
+        cameras: Cameras,
+        boxes: Float[Tensor, "frames players 4"],
+    ) -> dict[str, Codes]:
+        """Encode pictures: position, style and pose of every object (paper, Sec. 3).
+
+        Args:
+            images: sRGB pictures in [0, 1].
+            cameras: One camera per frame, with the pictures' pixel grid.
+            boxes: Boxes of the playable objects, in the order of the configuration; pixels, NaN
+                where an object was not found.
+
+        Returns:
+            Codes by object name. Objects without a usable position are not visible.
+        """
+        found: dict[str, Codes] = {}
+        for class_name, config in self.config.classes.items():
+            names = [o.name for o in self.config.objects if o.class_name == class_name]
+            if not names:
+                continue
+            if config.kind == "playable":
+                order = [self.config.playable_names.index(n) for n in names]
+                own = boxes[:, order]
+                positions, valid = locate(cameras, own, config.foot_offset)
+            else:
+                own, positions, valid = self._static(names, len(cameras), images.device)
+            found |= self._encode_class(class_name, names, images, cameras, (own, positions, valid))
+        return {each.name: found[each.name] for each in self.config.objects}
+
+    def _static(
+        self, names: list[str], frames: int, device: torch.device
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        places = {o.name: o.position for o in self.config.objects}
+        positions = torch.tensor([places[n] for n in names], device=device).expand(frames, -1, -1)
+        boxes = torch.full((frames, len(names), 4), torch.nan, device=device)
+        return boxes, positions, torch.ones(frames, len(names), dtype=torch.bool, device=device)
+
+    def _encode_class(
+        self,
+        class_name: str,
+        names: list[str],
+        images: Tensor,
+        cameras: Cameras,
+        places: tuple[Tensor, Tensor, Tensor],
+    ) -> dict[str, Codes]:
+        """Encode all objects of a class in one batch, so that they share batch statistics."""
+        config, encoder = self.config.classes[class_name], self.encoders[class_name]
+        boxes, positions, valid = places
+        crops, views, seen = [], [], []
+        for index in range(len(names)):
+            at = positions[:, index]
+            region = crop_boxes(config, cameras, boxes[:, index], at)
+            seen.append(torch.isfinite(region).all(dim=-1))
+            region = torch.where(seen[-1][:, None], region, 0.0)
+            crops.append(cut_out(images, region, config.encoder.height, config.encoder.width))
+            views.append(view_features(cameras, at, region))
+        style, pose = encoder(torch.cat(crops), torch.cat(views))
+        frames = len(cameras)
+        styles, poses = style.split(frames), pose.split(frames)
+        return {
+            name: Codes(positions[:, i], styles[i], poses[i], valid[:, i] & seen[i])
+            for i, name in enumerate(names)
+        }
+
+    def scene(self, codes: Mapping[str, Codes]) -> list[SceneObject]:
+        """The renderer's view of a batch of states; objects that are never visible are left out."""
+        objects = []
+        for each in self.config.objects:
+            found = codes.get(each.name)
+            if found is None or not bool(found.visible.any()):
+                continue
+            field = self.fields[each.class_name]
+            objects.append(
+                SceneObject(field, found.position, found.style, found.pose, found.visible)
+            )
+        return objects
+
+    def synthesise(
+        self,
+        cameras: Cameras,
+        codes: Mapping[str, Codes],
+        windows: Int[Tensor, "frames 2"],
+        size: tuple[int, int],
+        settings: RenderSettings,
+    ) -> Float[Tensor, "frames 3 height width"]:
+        """Draw one window of every frame in one go (training).
+
+        Args:
+            cameras: One camera per frame.
+            codes: States by object name.
+            windows: Top row and left column of each frame's window, pixels; multiples of the
+                coarsest stride keep windows aligned with full frames.
+            size: Height and width of all windows, multiples of the coarsest stride.
+            settings: Sampling.
+        """
+        renderer = self.config.feature_renderer
+        pixels, frame, groups, start = [], [], [], 0
+        corners = windows.tolist()
+        for stride, channels in zip(renderer.strides, self._channels(), strict=True):
+            for index, (top, left) in enumerate(corners):
+                pixels.append(grid_pixels(top, left, *size, stride))
+                frame.append(torch.full(pixels[-1].shape[:1], index))
+            stop = start + len(corners) * pixels[-1].shape[0]
+            groups.append((slice(start, stop), channels))
+            start = stop
+        device = cameras.intrinsics.device
+        frames = torch.cat(frame).to(device)
+        directions = ray_directions(cameras, frames, torch.cat(pixels).to(device))
+        rays = Rays(cameras.centres, directions, frames)
+        composed = compose(rays, self.scene(codes), groups, settings)
+        return self.feature_renderer(self._as_maps(composed.features, len(corners), size))
+
+    def _channels(self) -> list[slice]:
+        ends = list(itertools.accumulate(self.config.feature_renderer.features))
+        return [slice(a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
+
+    def _as_maps(self, features: list[Tensor], frames: int, size: tuple[int, int]) -> list[Tensor]:
+        maps = []
+        for stride, each in zip(self.config.feature_renderer.strides, features, strict=True):
+            height, width = size[0] // stride, size[1] // stride
+            maps.append(each.reshape(frames, height, width, -1).permute(0, 3, 1, 2))
+        return maps
+
+    def render_frame(
+        self,
+        camera: Cameras,
+        codes: Mapping[str, Codes],
+        settings: RenderSettings,
+        chunk: int = 16384,
+    ) -> tuple[Float[Tensor, "3 height width"], dict[str, int]]:
+        """Draw one whole frame, in chunks of rays that bound the memory.
+
+        Returns:
+            sRGB picture in [0, 1], and the counters of the composition.
+        """
+        coarsest = self.config.feature_renderer.strides[-1]
+        size = tuple(-(-extent // coarsest) * coarsest for extent in (camera.height, camera.width))
+        objects, features = self.scene(codes), []
+        statistics: dict[str, int] = {}
+        for stride, channels in zip(
+            self.config.feature_renderer.strides, self._channels(), strict=True
+        ):
+            parts = []
+            for rays in _chunks(camera, grid_pixels(0, 0, *size, stride), chunk):
+                whole = slice(0, rays.frame.shape[0])
+                composed = compose(rays, objects, [(whole, channels)], settings)
+                parts.append(composed.features[0])
+                for key, value in composed.statistics.items():
+                    statistics[key] = statistics.get(key, 0) + value
+            features.append(torch.cat(parts))
+        picture = self.feature_renderer(self._as_maps(features, 1, size))[0]
+        return picture[:, : camera.height, : camera.width], statistics
+
+    def render_geometry(
+        self,
+        camera: Cameras,
+        codes: Mapping[str, Codes],
+        settings: RenderSettings,
+        chunk: int = 16384,
+    ) -> tuple[Float[Tensor, "height width"], dict[str, Float[Tensor, "height width"]]]:
+        """Depth and one mask per object at full image resolution; no features are computed.
+
+        Returns:
+            Planar depth in metres, +inf where nothing solid covers half the pixel, and the share
+            of each pixel that each visible object covers.
+        """
+        objects = self.scene(codes)
+        names = [o.name for o in self.config.objects if o.name in codes]
+        names = [n for n in names if bool(codes[n].visible.any())]
+        pixels = grid_pixels(0, 0, camera.height, camera.width, 1)
+        parts: list[Composition] = [
+            compose(rays, objects, [], settings) for rays in _chunks(camera, pixels, chunk)
+        ]
+        shape = (camera.height, camera.width)
+        solid = torch.cat([p.solid for p in parts])
+        depth = torch.cat([p.depth for p in parts]) / solid.clamp(min=1e-6)
+        depth = torch.where(solid >= 0.5, depth, torch.inf).reshape(shape)
+        weights = torch.cat([p.weights for p in parts])
+        return depth, {n: weights[:, i].reshape(shape) for i, n in enumerate(names)}
+
+
+def _chunks(camera: Cameras, pixels: Tensor, chunk: int) -> list[Rays]:
+    chunks = []
+    for part in pixels.to(camera.intrinsics.device).split(chunk):
+        frame = torch.zeros(part.shape[0], dtype=torch.long, device=part.device)
+        chunks.append(Rays(camera.centres, ray_directions(camera, frame, part), frame))
+    return chunks

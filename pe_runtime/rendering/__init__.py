@@ -1,0 +1,1 @@
+"""Volume rendering: rays through object volumes, composed and decoded to images."""

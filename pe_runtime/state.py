@@ -1,0 +1,158 @@
+"""The environment state: what the encoder finds, the dynamics moves and the renderer draws.
+
+Every manipulation returns a new state; nothing is changed in place, so undo, scrubbing and
+branching are free.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from pe_runtime.contract.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class ObjectState:
+    """One object at one time: s = (x, w, pi) of the paper.
+
+    Attributes:
+        position: Object origin in environment space, metres; float32.
+        style: Appearance code w.
+        pose: Deformation code pi; empty for static objects.
+        visible: Whether the renderer draws it.
+    """
+
+    position: Float[Tensor, "3"]
+    style: Float[Tensor, " style"]
+    pose: Float[Tensor, " pose"]
+    visible: bool = True
+
+
+@dataclass(frozen=True)
+class EnvironmentState:
+    """All objects, static ones too, by name."""
+
+    objects: Mapping[str, ObjectState]
+
+    def __getitem__(self, name: str) -> ObjectState:
+        """The named object.
+
+        Raises:
+            ConfigError: There is no such object.
+        """
+        if name not in self.objects:
+            known = ", ".join(self.objects)
+            raise ConfigError(f"no object {name!r} in this state; it has: {known}")
+        return self.objects[name]
+
+
+def change(state: EnvironmentState, name: str, **changes: Any) -> EnvironmentState:  # noqa: ANN401
+    """The state with some attributes of one object replaced."""
+    changed = dataclasses.replace(state[name], **changes)
+    return EnvironmentState({**state.objects, name: changed})
+
+
+def move(state: EnvironmentState, name: str, position: Float[Tensor, "3"]) -> EnvironmentState:
+    """Put an object at a position (metres, environment space)."""
+    return change(state, name, position=position)
+
+
+def restyle(state: EnvironmentState, name: str, style: Float[Tensor, " style"]) -> EnvironmentState:
+    """Give an object another appearance code; it must have the same length."""
+    _same_length(state[name].style, style, f"style of {name!r}")
+    return change(state, name, style=style)
+
+
+def repose(state: EnvironmentState, name: str, pose: Float[Tensor, " pose"]) -> EnvironmentState:
+    """Give an object another deformation code; it must have the same length."""
+    _same_length(state[name].pose, pose, f"pose of {name!r}")
+    return change(state, name, pose=pose)
+
+
+def hide(state: EnvironmentState, name: str) -> EnvironmentState:
+    """Leave an object out of every picture."""
+    return change(state, name, visible=False)
+
+
+def show(state: EnvironmentState, name: str) -> EnvironmentState:
+    """Draw an object again."""
+    return change(state, name, visible=True)
+
+
+def blend(a: EnvironmentState, b: EnvironmentState, weight: float) -> EnvironmentState:
+    """The state between two: positions, styles and poses at (1 - weight) a + weight b.
+
+    Args:
+        a: State at weight 0; its visibility is kept.
+        b: State at weight 1, with the same objects.
+        weight: In [0, 1]; 0 and 1 return the very numbers of `a` and `b`.
+    """
+    if weight == 0.0:
+        return a
+    objects = {}
+    for name, first in a.objects.items():
+        second = b[name]
+        objects[name] = dataclasses.replace(
+            first,
+            position=_mix(first.position, second.position, weight),
+            style=_mix(first.style, second.style, weight),
+            pose=_mix(first.pose, second.pose, weight),
+        )
+    return EnvironmentState(objects)
+
+
+def state_as_dict(state: EnvironmentState) -> dict[str, Any]:
+    """JSON-able form of a state; float32 values survive the round trip exactly."""
+    return {
+        "format": 1,
+        "objects": {
+            name: {
+                "position": each.position.tolist(),
+                "style": each.style.tolist(),
+                "pose": each.pose.tolist(),
+                "visible": each.visible,
+            }
+            for name, each in state.objects.items()
+        },
+    }
+
+
+def state_from_dict(values: Mapping[str, Any]) -> EnvironmentState:
+    """Read what `state_as_dict` wrote.
+
+    Raises:
+        ConfigError: A key is missing, or a value is not a list of finite numbers.
+    """
+    try:
+        objects = {name: _object_from(each, name) for name, each in values["objects"].items()}
+    except (KeyError, TypeError, AttributeError) as problem:
+        raise ConfigError(f"this is no environment state: {problem!r} is missing") from problem
+    return EnvironmentState(objects)
+
+
+def _object_from(values: Mapping[str, Any], name: str) -> ObjectState:
+    codes = {}
+    for key in ("position", "style", "pose"):
+        try:
+            codes[key] = torch.tensor(values[key], dtype=torch.float32)
+        except (TypeError, ValueError) as problem:
+            raise ConfigError(f"{key} of {name!r} is not a list of numbers: {problem}") from problem
+        if codes[key].ndim != 1 or not torch.isfinite(codes[key]).all():
+            raise ConfigError(f"{key} of {name!r} must be a flat list of finite numbers")
+    if codes["position"].numel() != 3:
+        raise ConfigError(f"position of {name!r} must have 3 numbers")
+    return ObjectState(**codes, visible=bool(values.get("visible", True)))
+
+
+def _same_length(old: Tensor, new: Tensor, what: str) -> None:
+    if old.shape != new.shape:
+        raise ConfigError(f"{what} has {old.numel()} numbers; {new.numel()} were given")
+
+
+def _mix(first: Tensor, second: Tensor, weight: float) -> Tensor:
+    return second if weight == 1.0 else first + weight * (second - first)
