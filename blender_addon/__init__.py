@@ -1,0 +1,23 @@
+"""Playable Environments for Blender: open a picture, key actions, film it.
+
+Importing this package is cheap and needs no Blender; `register()` loads the parts that do.
+"""
+
+
+def _parts() -> tuple:
+    """The modules that register something, in an order in which each finds its predecessors."""
+    from . import engine, operators, panels, session, settings
+
+    return settings, session, engine, operators, panels
+
+
+def register() -> None:
+    """Add the properties, the render engine, the operators and the panels to Blender."""
+    for part in _parts():
+        part.register()
+
+
+def unregister() -> None:
+    """Take away everything that `register` added and stop the worker."""
+    for part in reversed(_parts()):
+        part.unregister()

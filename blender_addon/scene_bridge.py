@@ -1,0 +1,289 @@
+"""The evaluated scene, frame by frame, as the numbers that a Shot is made of.
+
+Everything passes through the environment root: `world_from_environment` is its matrix, identity
+where there is none, uniform scale allowed. Environment space is what the worker speaks.
+"""
+
+import dataclasses
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+
+from pe_runtime.contract.camera import (
+    OPENCV_FROM_BLENDER_AXES,
+    BlenderLens,
+    Camera,
+    camera_from_blender,
+)
+from pe_runtime.contract.errors import CameraError, ShotError
+from pe_runtime.contract.shot import (
+    DEPTH_PASS,
+    MASK_PASS_PREFIX,
+    SHOT_VERSION,
+    ObjectTrack,
+    Shot,
+    Start,
+)
+
+UNIFORM_SCALE_TOLERANCE = 1e-4
+Point = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class TrackMoment:
+    """One playable object at one frame.
+
+    Attributes:
+        action: Index among the model's actions; None where the object is hidden and not evaluated.
+        location: Ground point in environment space, metres.
+        visible: Whether renders show it.
+    """
+
+    action: int | None
+    location: Point
+    visible: bool
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What the scene asks for at one frame.
+
+    Attributes:
+        frame: Scene frame.
+        camera: The scene camera in environment space.
+        world_from_environment: (4, 4) float64, rotation, translation and uniform scale.
+        tracks: Playable objects by their name in the model.
+    """
+
+    frame: int
+    camera: Camera
+    world_from_environment: np.ndarray
+    tracks: Mapping[str, TrackMoment]
+
+    @property
+    def scale(self) -> float:
+        """Scene metres per environment metre."""
+        return float(np.linalg.norm(self.world_from_environment[:3, 0]))
+
+
+def playable_objects(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
+    """The playable objects of a scene by their name in the model.
+
+    Raises:
+        ShotError: Two objects claim one name, or one has none.
+    """
+    found: dict[str, bpy.types.Object] = {}
+    for each in scene.objects:
+        if not each.playable.is_playable:
+            continue
+        name = each.playable.object_name
+        if not name:
+            raise ShotError(f"{each.name!r} is playable but names no object of the model")
+        if name in found:
+            raise ShotError(
+                f"{found[name].name!r} and {each.name!r} both stand for {name!r}; "
+                "switch Playable off on one of them"
+            )
+        found[name] = each
+    return dict(sorted(found.items()))
+
+
+def lens_of(camera: bpy.types.Camera, render: bpy.types.RenderSettings) -> BlenderLens:
+    """The numbers of an evaluated camera and the render settings that decide the projection."""
+    return BlenderLens(
+        type=camera.type,
+        lens=camera.lens,
+        sensor_width=camera.sensor_width,
+        sensor_height=camera.sensor_height,
+        sensor_fit=camera.sensor_fit,
+        shift_x=camera.shift_x,
+        shift_y=camera.shift_y,
+        resolution_x=render.resolution_x,
+        resolution_y=render.resolution_y,
+        resolution_percentage=render.resolution_percentage,
+        pixel_aspect_x=render.pixel_aspect_x,
+        pixel_aspect_y=render.pixel_aspect_y,
+    )
+
+
+def read_camera(
+    depsgraph: bpy.types.Depsgraph, picture_size: tuple[int, int] | None = None
+) -> Camera:
+    """The scene camera of an evaluated scene, in environment space.
+
+    Args:
+        depsgraph: Evaluated at the frame that is meant.
+        picture_size: Width and height of a picture that fills the camera's view, in place of the
+            render settings' resolution.
+
+    Raises:
+        CameraError: There is no camera, or it is not a pinhole.
+    """
+    scene = depsgraph.scene_eval
+    holder = scene.camera
+    if holder is None or holder.type != "CAMERA":
+        raise CameraError(f"scene {scene.name!r} has no camera; add one and make it active")
+    lens = lens_of(holder.data, scene.render)
+    if picture_size is not None:
+        lens = dataclasses.replace(
+            lens,
+            resolution_x=picture_size[0],
+            resolution_y=picture_size[1],
+            resolution_percentage=100,
+            pixel_aspect_x=1.0,
+            pixel_aspect_y=1.0,
+        )
+    environment_from_world = np.linalg.inv(world_from_environment(depsgraph))
+    try:
+        return camera_from_blender(lens, environment_from_world @ np.array(holder.matrix_world))
+    except CameraError as error:
+        raise CameraError(f"camera {holder.name!r}: {error}") from error
+
+
+def world_from_environment(depsgraph: bpy.types.Depsgraph) -> np.ndarray:
+    """(4, 4) float64 matrix of the environment root at the evaluated frame; identity without one.
+
+    Raises:
+        CameraError: The root is mirrored or stretched, so that no rigid camera maps through it.
+    """
+    root = depsgraph.scene.playable_environment.root
+    if root is None:
+        return np.eye(4)
+    matrix = np.array(root.evaluated_get(depsgraph).matrix_world, dtype=np.float64)
+    axes = matrix[:3, :3]
+    gram = axes.T @ axes
+    size = float(np.trace(gram)) / 3
+    stretched = np.abs(gram - size * np.eye(3)).max() > UNIFORM_SCALE_TOLERANCE * size
+    if size <= 0 or stretched or np.linalg.det(axes) < 0:
+        raise CameraError(
+            f"environment root {root.name!r} is stretched or mirrored (scale "
+            f"{[round(float(s), 4) for s in np.linalg.norm(axes, axis=0)]}); "
+            "give it one positive scale for all axes"
+        )
+    return matrix
+
+
+def read_moment(depsgraph: bpy.types.Depsgraph) -> Moment:
+    """Everything a frame asks for, from a dependency graph evaluated at that frame."""
+    matrix = world_from_environment(depsgraph)
+    environment_from_world = np.linalg.inv(matrix)
+    tracks = {
+        name: _read_track(each.evaluated_get(depsgraph), environment_from_world, depsgraph)
+        for name, each in playable_objects(depsgraph.scene).items()
+    }
+    return Moment(depsgraph.scene_eval.frame_current, read_camera(depsgraph), matrix, tracks)
+
+
+def sample_range(
+    scene: bpy.types.Scene,
+    frames: Iterable[int],
+    on_frame: Callable[[int], None] | None = None,
+) -> list[Moment]:
+    """Read a scene at several frames; main thread only. The current frame is put back.
+
+    Going through `frame_set` sees what keys, drivers, NLA and constraints make of the scene.
+
+    Raises:
+        ShotError: An object is disabled in viewports, so that its keys cannot be read.
+    """
+    before, subframe = scene.frame_current, scene.frame_subframe
+    moments = []
+    try:
+        for frame in frames:
+            scene.frame_set(frame)
+            moments.append(read_moment(scene.view_layers[0].depsgraph))
+            if on_frame:
+                on_frame(frame)
+    finally:
+        scene.frame_set(before, subframe=subframe)
+    return moments
+
+
+def shot_from_moments(
+    scene: bpy.types.Scene, start: Start, model: str, moments: Sequence[Moment]
+) -> Shot:
+    """The Shot that a sampled scene asks for; the model predicts all locations."""
+    settings = scene.playable_environment
+    names = list(moments[0].tracks)
+    return Shot(
+        version=SHOT_VERSION,
+        model=model,
+        start=start,
+        fps=frames_per_second(scene),
+        frame_start=moments[0].frame,
+        frame_end=moments[-1].frame,
+        cameras=tuple(moment.camera for moment in moments),
+        objects=tuple(_track_from_moments(name, moments) for name in names),
+        quality=settings.quality,
+        passes=wanted_passes(settings, names),
+    )
+
+
+def wanted_passes(settings: object, names: Iterable[str]) -> tuple[str, ...]:
+    """The Shot's passes that a scene's settings ask for, masks for the named objects."""
+    depth = [DEPTH_PASS] if settings.use_depth else []
+    masks = [f"{MASK_PASS_PREFIX}{name}" for name in names] if settings.use_masks else []
+    return (*depth, *masks)
+
+
+def frames_per_second(scene: bpy.types.Scene) -> float:
+    """Scene pace; 29.97 is 30 / 1.001 in Blender's settings."""
+    return scene.render.fps / scene.render.fps_base
+
+
+def look_through(holder: bpy.types.Object, render: bpy.types.RenderSettings, eye: Camera) -> None:
+    """Make a Blender camera and the resolution see what a pinhole camera sees.
+
+    Args:
+        holder: Camera object without parent; gets transform and lens.
+        render: Gets resolution and pixel aspect.
+        eye: The pinhole camera, in scene space.
+    """
+    fx, fy = float(eye.intrinsics[0, 0]), float(eye.intrinsics[1, 1])
+    cx, cy = float(eye.intrinsics[0, 2]), float(eye.intrinsics[1, 2])
+    render.resolution_x, render.resolution_y = eye.width, eye.height
+    render.resolution_percentage = 100
+    # Blender takes no pixel aspect below 1, so the larger side carries the ratio.
+    render.pixel_aspect_x, render.pixel_aspect_y = max(fy / fx, 1.0), max(fx / fy, 1.0)
+    lens = holder.data
+    lens.type, lens.sensor_fit, lens.sensor_width = "PERSP", "HORIZONTAL", 36.0
+    lens.lens = fx * lens.sensor_width / eye.width
+    lens.shift_x = (eye.width / 2 - cx) / eye.width
+    lens.shift_y = (cy - eye.height / 2) / (eye.width * fy / fx)
+    holder.matrix_world = (eye.world_from_camera @ OPENCV_FROM_BLENDER_AXES).T.ravel().tolist()
+
+
+def _read_track(
+    each: bpy.types.Object, environment_from_world: np.ndarray, depsgraph: bpy.types.Depsgraph
+) -> TrackMoment:
+    visible = each.is_evaluated and not each.hide_render
+    if not each.is_evaluated and depsgraph.mode == "VIEWPORT":
+        raise ShotError(
+            f"{each.name!r} is disabled in viewports, so its keys cannot be read; enable it "
+            "(the eye in the outliner may stay closed)"
+        )
+    world = np.append(np.array(each.matrix_world.translation, dtype=np.float64), 1.0)
+    location = tuple(float(x) for x in (environment_from_world @ world)[:3])
+    action = _action_index(each) if each.is_evaluated else None
+    return TrackMoment(action, location, visible)
+
+
+def _action_index(each: bpy.types.Object) -> int:
+    identifier = each.playable.action
+    if not identifier:
+        raise ShotError(
+            f"{each.name!r} has an action key outside the sixteen actions; delete that key"
+        )
+    return int(identifier.removeprefix("A"))
+
+
+def _track_from_moments(name: str, moments: Sequence[Moment]) -> ObjectTrack:
+    keys: list[tuple[int, int]] = []
+    for moment in moments:
+        action = moment.tracks[name].action
+        if not keys or keys[-1][1] != action:
+            keys.append((moment.frame, action))
+    visible = tuple(moment.tracks[name].visible for moment in moments)
+    return ObjectTrack(name=name, actions=tuple(keys), visible=None if all(visible) else visible)

@@ -1,0 +1,197 @@
+"""What the add-on stores in a .blend file and in Blender's preferences.
+
+A scene carries one environment; an Empty with `playable.is_playable` stands for one of its
+objects. Actions are an enum of sixteen fixed numbers: a key stores the number, so the numbers
+never change their meaning, while the labels come from the model.
+"""
+
+import json
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Any
+
+import bpy
+from bpy.props import (
+    BoolProperty,
+    CollectionProperty,
+    EnumProperty,
+    FloatProperty,
+    FloatVectorProperty,
+    IntProperty,
+    PointerProperty,
+    StringProperty,
+)
+
+from . import session
+
+SCHEMA = 1
+ACTION_LIMIT = 16
+QUALITIES = (
+    ("exact", "Exact", "Nothing is approximated"),
+    ("balanced", "Balanced", "Faster, hardly visible differences"),
+    ("draft", "Draft", "Fastest, for looking at movement"),
+)
+
+
+@lru_cache(maxsize=64)
+def action_items(names_json: str) -> tuple[tuple[str, str, str, int], ...]:
+    """Sixteen enum items with fixed numbers, labelled by a JSON list of the model's names."""
+    # Cached for its references too: Blender does not keep the strings of dynamic items alive.
+    names = json.loads(names_json) if names_json else []
+    labels = [*(name.replace("_", " ").capitalize() for name in names[:ACTION_LIMIT])]
+    labels += [f"Action {number}" for number in range(len(labels), ACTION_LIMIT)]
+    return tuple(
+        (f"A{number}", label, f"Action {number} of the model", number)
+        for number, label in enumerate(labels)
+    )
+
+
+def _items_for(self: "PlayableSettings", _context: object) -> tuple:
+    return action_items(self.action_names)
+
+
+def _is_empty(_self: object, candidate: bpy.types.Object) -> bool:
+    return candidate.type == "EMPTY"
+
+
+def _file_path(name: str, description: str) -> Any:  # noqa: ANN401 - bpy's deferred property
+    # Blender 4.5 warns about file paths that do not say whether "//" is understood.
+    understands = {"PATH_SUPPORTS_BLEND_RELATIVE"}
+    return StringProperty(
+        name=name, description=description, subtype="FILE_PATH", options=understands
+    )
+
+
+class PlayableSettings(bpy.types.PropertyGroup):
+    """On an object: which playable object it stands for and what that object does."""
+
+    is_playable: BoolProperty(
+        name="Playable", description="This Empty stands for a playable object", default=False
+    )
+    object_name: StringProperty(
+        name="Object", description="The playable object's name in the model"
+    )
+    action: EnumProperty(
+        name="Action",
+        description="What the object does from this frame to the next key",
+        items=_items_for,
+        default=0,
+    )
+    action_names: StringProperty(description="The model's names for the actions, a JSON list")
+
+
+class BoxSettings(bpy.types.PropertyGroup):
+    """Where a playable object stands in the picture; its `name` is the object's."""
+
+    box: FloatVectorProperty(
+        name="Box",
+        description="Left, top, right, bottom in pixels; all zero: not in the picture",
+        size=4,
+        min=0.0,
+        precision=1,
+    )
+
+
+class EnvironmentSettings(bpy.types.PropertyGroup):
+    """On a scene: the environment that its render engine films."""
+
+    schema: IntProperty(default=0, options={"HIDDEN"})
+    model: StringProperty(
+        name="Model", description="A built-in model's name or a checkpoint file", default="duel"
+    )
+    image_path: _file_path("Picture", "The picture that became this environment")
+    boxes: CollectionProperty(type=BoxSettings)
+    root: PointerProperty(
+        name="Root",
+        description="Empty that places the environment in the scene",
+        type=bpy.types.Object,
+        poll=_is_empty,
+    )
+    state_text: PointerProperty(
+        name="State", description="The encoded picture, as JSON", type=bpy.types.Text
+    )
+    bake_text: PointerProperty(
+        name="Bake", description="The baked shot and its paths, as JSON", type=bpy.types.Text
+    )
+    edit_scene: PointerProperty(
+        name="Edit Scene",
+        description="Scene whose sequencer holds the rendered strip",
+        type=bpy.types.Scene,
+    )
+    steps_per_second: FloatProperty(
+        name="Steps per Second", description="The pace at which the model moves", default=5.0
+    )
+    job: StringProperty(description="Ties this scene to its strip", options={"HIDDEN"})
+    quality: EnumProperty(name="Quality", description="What rendering skips", items=QUALITIES)
+    use_depth: BoolProperty(
+        name="Depth", description="Render a pass with the distance in metres", default=True
+    )
+    use_masks: BoolProperty(
+        name="Masks", description="Render one mask pass for each playable object", default=True
+    )
+    frames_folder: StringProperty(
+        name="Frames",
+        description="Folder for the rendered frames",
+        subtype="DIR_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+        default="//frames",
+    )
+
+    def list_boxes(self, names: Iterable[str]) -> None:
+        """Have one box for each of these objects; boxes that were typed already stay."""
+        wanted = list(names)
+        for index in reversed(range(len(self.boxes))):
+            if self.boxes[index].name not in wanted:
+                self.boxes.remove(index)
+        for name in wanted:
+            if name not in self.boxes:
+                self.boxes.add().name = name
+
+    def typed_boxes(self) -> dict[str, tuple[float, float, float, float]]:
+        """The boxes of those objects that are in the picture."""
+        return {each.name: tuple(each.box) for each in self.boxes if any(each.box)}
+
+
+class PlayableEnvironmentPreferences(bpy.types.AddonPreferences):
+    """Where the runtime lives: a Python with `playable-environments` installed."""
+
+    bl_idname = __package__
+
+    runtime_python: StringProperty(
+        name="Runtime Python",
+        description="Python executable that has playable-environments installed",
+        subtype="FILE_PATH",
+        update=lambda self, _context: self.apply(),
+    )
+    runtime_arguments: StringProperty(
+        name="Arguments",
+        description="More arguments for the worker, for example --fake",
+        update=lambda self, _context: self.apply(),
+    )
+
+    def apply(self) -> None:
+        """Make the next worker start with these preferences."""
+        session.use_python(self.runtime_python, self.runtime_arguments.split())
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        self.layout.prop(self, "runtime_python")
+        self.layout.prop(self, "runtime_arguments")
+
+
+CLASSES = (PlayableSettings, BoxSettings, EnvironmentSettings, PlayableEnvironmentPreferences)
+
+
+def register() -> None:
+    """Register the groups and hang them on Scene and Object."""
+    for each in CLASSES:
+        bpy.utils.register_class(each)
+    bpy.types.Scene.playable_environment = PointerProperty(type=EnvironmentSettings)
+    bpy.types.Object.playable = PointerProperty(type=PlayableSettings)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    del bpy.types.Object.playable
+    del bpy.types.Scene.playable_environment
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)

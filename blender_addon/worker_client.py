@@ -1,0 +1,318 @@
+"""A conversation with one worker process: starts it, asks, waits, notices when it dies.
+
+No `bpy` here: the same client serves Blender, tests and plain Python.
+"""
+
+import contextlib
+import os
+import queue
+import subprocess
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+import pe_runtime
+from pe_runtime.contract.camera import Camera
+from pe_runtime.contract.errors import WorkerError
+from pe_runtime.contract.messages import (
+    CANCELLED,
+    PROTOCOL,
+    TERMINAL,
+    Message,
+    ModelFacts,
+    read_message,
+    write_message,
+)
+from pe_runtime.contract.shot import MASK_PASS_PREFIX, Shot
+
+START_SECONDS = 120.0
+STOP_SECONDS = 5.0
+CANCEL_SECONDS = 20.0
+POLL_SECONDS = 0.05
+STDERR_LINES = 40
+STDERR_LINE_CHARACTERS = 400
+
+ShouldStop = Callable[[], bool]
+OnProgress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True)
+class RenderedFrame:
+    """One frame as it came over the wire, top row first.
+
+    Attributes:
+        number: Scene frame.
+        rgb: (height, width, 3) uint8, display-referred sRGB.
+        depth: (height, width) float32 metres, +inf where nothing is; None if not asked for.
+        masks: Per object (height, width) float32 in [0, 1].
+    """
+
+    number: int
+    rgb: np.ndarray
+    depth: np.ndarray | None
+    masks: Mapping[str, np.ndarray]
+
+
+class WorkerCancelledError(WorkerError):
+    """The request was given up because its caller asked to stop."""
+
+
+def worker_command(python: str | Path, arguments: Sequence[str] = ()) -> list[str]:
+    """The command line that starts a worker with a Python that has the runtime installed.
+
+    `-I` keeps Blender's variables, folder and user packages out of that Python.
+    """
+    return [str(python), "-I", "-u", "-m", "pe_runtime.worker", *arguments]
+
+
+class WorkerClient:
+    """One worker process from start to end. A dead one stays dead; make another client."""
+
+    def __init__(self, command: Sequence[str], start_seconds: float = START_SECONDS) -> None:
+        """Start the process and greet it.
+
+        Args:
+            command: Program and arguments, for example from `worker_command`.
+            start_seconds: How long it may take until it answers.
+
+        Raises:
+            WorkerError: It cannot be started, dies, stays silent or speaks another protocol.
+        """
+        self.command = list(command)
+        self._stderr: deque[str] = deque(maxlen=STDERR_LINES)
+        self._inbox: queue.Queue[Message | WorkerError | None] = queue.Queue()
+        self._unanswered_cancel = False
+        self._process = self._launch()
+        self._threads = [self._read(self._drain_stderr), self._read(self._receive)]
+        try:
+            greeting = {"protocol": PROTOCOL, "version": pe_runtime.__version__}
+            self._ask(Message("hello", greeting), seconds=start_seconds)
+        except BaseException:
+            self.kill()
+            raise
+
+    @property
+    def alive(self) -> bool:
+        """Whether the process still runs."""
+        return self._process.poll() is None
+
+    @property
+    def pid(self) -> int:
+        """Process number, for tests and for people who look at a process list."""
+        return self._process.pid
+
+    def load(self, model: str) -> ModelFacts:
+        """Load a model by built-in name or path and return what Blender must know of it."""
+        return ModelFacts.from_fields(self._ask(Message("load", {"model": model})).fields)
+
+    def encode(
+        self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Sequence[float]]
+    ) -> dict:
+        """Encode a picture into a state.
+
+        Args:
+            image: (height, width, 3) uint8 sRGB.
+            camera: The camera that saw it, of the same size.
+            boxes: Per playable object left, top, right, bottom in pixels.
+
+        Returns:
+            The state as JSON values, as `state_as_dict` writes it.
+        """
+        listed = {name: [float(edge) for edge in box] for name, box in boxes.items()}
+        fields = {"camera": camera.as_dict(), "boxes": listed}
+        return self._ask(Message("encode", fields, {"image": image})).fields["state"]
+
+    def rollout(
+        self,
+        shot: Shot,
+        should_stop: ShouldStop | None = None,
+        on_progress: OnProgress | None = None,
+    ) -> dict[str, np.ndarray]:
+        """Predicted (frames, 3) positions per object, metres in environment space."""
+        message = Message("rollout", {"shot": shot.as_dict()})
+        return dict(self._ask(message, should_stop, on_progress=on_progress).buffers)
+
+    def render(
+        self,
+        shot: Shot,
+        frame: int,
+        should_stop: ShouldStop | None = None,
+        on_progress: OnProgress | None = None,
+    ) -> RenderedFrame:
+        """Draw one frame of a shot.
+
+        Raises:
+            WorkerCancelledError: `should_stop` said so.
+            WorkerError: The worker failed, died or answered without the frame.
+        """
+        message = Message("render", {"shot": shot.as_dict(), "frames": [frame]})
+        frames: list[Message] = []
+        self._ask(message, should_stop, on_progress, frames.append)
+        if [each.fields.get("number") for each in frames] != [frame]:
+            numbers = [each.fields.get("number") for each in frames]
+            raise WorkerError(f"asked the worker for frame {frame}, it sent {numbers}")
+        return _frame_from(frames[0])
+
+    def stop(self) -> None:
+        """Let the worker end by itself; kill it if it does not."""
+        with contextlib.suppress(OSError, ValueError, WorkerError):
+            write_message(self._process.stdin, Message("stop"))
+            self._process.stdin.close()
+        try:
+            self._process.wait(STOP_SECONDS)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+        self._close()
+
+    def kill(self) -> None:
+        """End the worker now."""
+        if self.alive:
+            self._process.kill()
+        self._close()
+
+    def _launch(self) -> subprocess.Popen:
+        pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
+        flags = subprocess.CREATE_NO_WINDOW if sys.platform == "win32" else 0
+        try:
+            return subprocess.Popen(self.command, creationflags=flags, env=_environment(), **pipes)
+        except OSError as error:
+            raise WorkerError(
+                f"cannot start the runtime {self.command[0]!r} ({error}); set the runtime Python "
+                "in the add-on's preferences to one that has playable-environments installed"
+            ) from error
+
+    def _read(self, work: Callable[[], None]) -> threading.Thread:
+        thread = threading.Thread(target=work, daemon=True, name=f"playable {work.__name__}")
+        thread.start()
+        return thread
+
+    def _drain_stderr(self) -> None:
+        # A full stderr pipe would stop the worker, so it is always read; only the tail is kept.
+        with contextlib.suppress(ValueError, OSError):
+            for line in self._process.stderr:
+                text = line.decode("utf-8", "replace").rstrip()
+                self._stderr.append(text[:STDERR_LINE_CHARACTERS])
+
+    def _receive(self) -> None:
+        try:
+            while (message := read_message(self._process.stdout)) is not None:
+                self._inbox.put(message)
+            self._inbox.put(None)
+        except (WorkerError, OSError, ValueError) as error:
+            self._inbox.put(WorkerError(str(error)))
+
+    def _ask(
+        self,
+        request: Message,
+        should_stop: ShouldStop | None = None,
+        on_progress: OnProgress | None = None,
+        on_frame: Callable[[Message], None] | None = None,
+        seconds: float | None = None,
+    ) -> Message:
+        """Send a request and return its terminal reply."""
+        self._settle_cancelled()
+        self._send(request)
+        for reply in self._replies(request.type, should_stop, seconds):
+            if reply.type == "progress" and on_progress:
+                on_progress(*(reply.fields[key] for key in ("stage", "done", "total")))
+            elif reply.type == "frame" and on_frame:
+                on_frame(reply)
+            elif reply.type == "failure":
+                raise _error_from(reply)
+            elif reply.type in TERMINAL:
+                return reply
+        raise AssertionError("unreachable: _replies ends only by raising")
+
+    def _send(self, message: Message) -> None:
+        try:
+            write_message(self._process.stdin, message)
+        except (OSError, ValueError) as error:
+            raise self._death(message.type) from error
+
+    def _replies(
+        self, asked: str, should_stop: ShouldStop | None, seconds: float | None
+    ) -> Iterator[Message]:
+        deadline = None if seconds is None else time.monotonic() + seconds
+        while True:
+            try:
+                reply = self._inbox.get(timeout=POLL_SECONDS)
+            except queue.Empty:
+                if should_stop and should_stop():
+                    self._cancel(asked)
+                if deadline is not None and time.monotonic() > deadline:
+                    self.kill()
+                    raise WorkerError(
+                        f"the worker did not answer {asked!r} within {seconds:g} s{self._tail()}"
+                    ) from None
+                continue
+            if reply is None:
+                raise self._death(asked)
+            if isinstance(reply, WorkerError):
+                self.kill()
+                raise WorkerError(f"{reply}{self._tail()}") from reply
+            yield reply
+
+    def _cancel(self, asked: str) -> None:
+        """Tell the worker to give up and return at once; its last reply is read later."""
+        self._send(Message("cancel"))
+        self._unanswered_cancel = True
+        raise WorkerCancelledError(f"{asked} was cancelled")
+
+    def _settle_cancelled(self) -> None:
+        if not self._unanswered_cancel:
+            return
+        for reply in self._replies("cancel", None, CANCEL_SECONDS):
+            if reply.type in TERMINAL:
+                self._unanswered_cancel = False
+                return
+
+    def _death(self, asked: str) -> WorkerError:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(STOP_SECONDS)
+        code = self._process.poll()
+        self.kill()
+        return WorkerError(
+            f"the worker ended (exit code {code}) before it answered {asked!r}; "
+            f"the next request starts another{self._tail()}"
+        )
+
+    def _tail(self) -> str:
+        self._threads[0].join(0.5)
+        lines = [line for line in self._stderr if line]
+        return "\nThe worker's last words:\n" + "\n".join(lines) if lines else ""
+
+    def _close(self) -> None:
+        self._process.wait(STOP_SECONDS)
+        for thread in self._threads:
+            thread.join(STOP_SECONDS)
+        for pipe in (self._process.stdin, self._process.stdout, self._process.stderr):
+            with contextlib.suppress(OSError):
+                pipe.close()
+
+
+def _environment() -> dict[str, str]:
+    # Blender's own PYTHON* variables belong to Blender's Python.
+    return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+
+
+def _error_from(reply: Message) -> WorkerError:
+    kind, text = reply.fields.get("kind", "unknown"), reply.fields.get("message", "")
+    if kind == CANCELLED:
+        return WorkerCancelledError(text or "cancelled")
+    return WorkerError(f"{text} ({kind})")
+
+
+def _frame_from(reply: Message) -> RenderedFrame:
+    masks = {
+        name.removeprefix(MASK_PASS_PREFIX): mask
+        for name, mask in reply.buffers.items()
+        if name.startswith(MASK_PASS_PREFIX)
+    }
+    buffers = reply.buffers
+    return RenderedFrame(reply.fields["number"], buffers["rgb"], buffers.get("depth"), masks)
