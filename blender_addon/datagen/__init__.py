@@ -1,0 +1,1 @@
+"""Scenes made or opened by Blender, recorded as training episodes."""

@@ -1,0 +1,169 @@
+"""What the two people of `duel` do: random actions and the steps and limb angles they cause.
+
+Pure numpy, so the laws of the data can be tested without Blender. World: metres, Z up; a person
+whose yaw is 0 faces -Y, where the cameras are. Angles are radians.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from blender_addon.datagen.viewpoints import Viewpoint, ground_axes, shows_person
+
+ACTIONS = ("idle", "left", "right", "forward", "back", "raise_arm")
+PLAYERS = ("player_1", "player_2")
+STEPS_PER_SECOND = 5.0
+FRAMES = 12
+
+STEP_METRES = 0.30
+STEP_SPREAD = 0.08
+ROAM_X, ROAM_Y = 3.2, 2.0
+MINIMUM_GAP = 1.0
+HOLD_STEPS = (2, 5)  # inclusive
+START_X = ((-2.6, -0.6), (0.6, 2.6))
+START_Y = (-1.5, 1.5)
+
+LEG_SWING, ARM_SWING = 0.42, 0.6
+ARM_OVERHEAD = 2.8
+ARM_DECAY = 0.25  # share of the raise left after one step: low enough to stay inside 0.8 m
+LARGEST_TURN = 0.7
+
+_RAISE = ACTIONS.index("raise_arm")
+_CAMERA_DIRECTION = np.array([(0, 0), (-1, 0), (1, 0), (0, 1), (0, -1), (0, 0)], dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Gait:
+    """Limb angles of one person, one value per frame (radians; `lift` 0..1)."""
+
+    yaw: np.ndarray
+    leg: np.ndarray
+    arm: np.ndarray
+    lift: np.ndarray
+    sway: np.ndarray
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Everything that moves on the court in one sequence.
+
+    Attributes:
+        actions: (frames - 1, players) index into `ACTIONS`, taken from frame t to t + 1.
+        positions: (frames, players, 3) ground points in metres.
+        gaits: Limb angles, one entry per player.
+    """
+
+    actions: np.ndarray
+    positions: np.ndarray
+    gaits: tuple[Gait, ...]
+
+
+@dataclass
+class _Choice:
+    """The action a player holds and for how many more steps."""
+
+    action: int = 0
+    remaining: int = 0
+    order: list[int] = field(default_factory=list)
+
+
+class NoRoomError(RuntimeError):
+    """No legal step exists; the caller draws the sequence anew."""
+
+
+def move(action: int, view: Viewpoint, length: float = STEP_METRES) -> np.ndarray:
+    """Displacement (3,) in metres of one step of `action` seen from `view`."""
+    right, forward = ground_axes(view)
+    sideways, away = _CAMERA_DIRECTION[action]
+    return length * (sideways * right + away * forward)
+
+
+def plan_motion(rng: np.random.Generator, views: list[Viewpoint]) -> Motion:
+    """Draw actions for both players, legal at every frame of `views`.
+
+    Raises:
+        NoRoomError: A player ran into a corner from which no action is legal.
+    """
+    frames = len(views)
+    positions = np.zeros((frames, len(PLAYERS), 3))
+    actions = np.zeros((frames - 1, len(PLAYERS)), dtype=np.int8)
+    positions[0] = _start(rng, views[0])
+    choices = [_Choice() for _ in PLAYERS]
+    for t in range(frames - 1):
+        positions[t + 1] = positions[t]
+        for player, choice in enumerate(choices):
+            step = _next_step(rng, choice, positions[t + 1], player, views[t : t + 2])
+            actions[t, player] = choice.action
+            positions[t + 1, player] += step
+    gaits = tuple(_gait(rng, actions[:, player]) for player in range(len(PLAYERS)))
+    return Motion(actions, positions, gaits)
+
+
+def _start(rng: np.random.Generator, view: Viewpoint) -> np.ndarray:
+    feet = np.zeros((len(PLAYERS), 3))
+    for player, x_range in enumerate(START_X):
+        feet[player, :2] = rng.uniform(*x_range), rng.uniform(*START_Y)
+    if not all(_legal(feet, player, view) for player in range(len(PLAYERS))):
+        raise NoRoomError("the start lies outside the frame")
+    return feet
+
+
+def _next_step(
+    rng: np.random.Generator,
+    choice: _Choice,
+    feet: np.ndarray,
+    player: int,
+    views: list[Viewpoint],
+) -> np.ndarray:
+    """Keep the held action where it is legal, else draw another; returns its displacement."""
+    length = STEP_METRES * (1 + rng.uniform(-STEP_SPREAD, STEP_SPREAD))
+    order = list(rng.permutation(len(ACTIONS)))
+    hold = int(rng.integers(HOLD_STEPS[0], HOLD_STEPS[1] + 1))
+    if choice.remaining > 0:
+        order.insert(0, choice.action)
+    elif order[0] == choice.action:
+        order.append(order.pop(0))
+    for rank, action in enumerate(order):
+        step = move(int(action), views[0], length)
+        moved = feet.copy()
+        moved[player] += step
+        if _legal(moved, player, views[1]):
+            kept = choice.remaining > 0 and rank == 0
+            choice.remaining = choice.remaining - 1 if kept else hold - 1
+            choice.action = int(action)
+            return step
+    raise NoRoomError(f"{PLAYERS[player]} cannot move and cannot stay")
+
+
+def _legal(feet: np.ndarray, player: int, view: Viewpoint) -> bool:
+    x, y, _ = feet[player]
+    others = np.delete(feet, player, axis=0)
+    gap = np.linalg.norm(others[:, :2] - feet[player, :2], axis=1).min(initial=np.inf)
+    inside = abs(x) <= ROAM_X and abs(y) <= ROAM_Y
+    return bool(inside and gap >= MINIMUM_GAP and shows_person(view, feet[player]))
+
+
+def _gait(rng: np.random.Generator, actions: np.ndarray) -> Gait:
+    """Angles that follow from the actions: frame t shows the state after action t - 1."""
+    frames = len(actions) + 1
+    phase, cadence = rng.uniform(0, 2 * np.pi), rng.uniform(1.0, 1.7)
+    swing, turn = rng.uniform(0.9, 1.1), rng.uniform(0.5, LARGEST_TURN)
+    sway_phase, sway_rate = rng.uniform(0, 2 * np.pi), rng.uniform(0.5, 0.9)
+    wobble = np.clip(rng.normal(0, 0.05, frames), -0.12, 0.12)
+    effort = float(rng.random() < 0.5)
+    yaw, lift = rng.uniform(-0.3, 0.3), 0.0
+    rows = np.zeros((frames, 5))
+    for t in range(frames):
+        if t > 0:
+            action = int(actions[t - 1])
+            walking = _CAMERA_DIRECTION[action].any()
+            effort += 0.7 * (float(walking) - effort)
+            phase += cadence * max(effort, 0.2)
+            yaw += 0.5 * (turn * _CAMERA_DIRECTION[action, 0] - yaw)
+            lift = 1.0 if action == _RAISE else ARM_DECAY * lift
+        idle = 0.06 * np.sin(sway_phase + sway_rate * t)
+        heading = np.clip(yaw + wobble[t], -LARGEST_TURN, LARGEST_TURN)
+        leg = LEG_SWING * swing * effort * np.sin(phase)
+        arm = ARM_SWING * swing * effort * np.sin(phase) + idle
+        rows[t] = heading, leg, arm, lift, idle
+    return Gait(*rows.T.copy())
