@@ -1,0 +1,127 @@
+"""Shots on disk: the document with its relative paths, and the frames with their digests."""
+
+import dataclasses
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pe_runtime.contract.errors import ShotError
+from pe_runtime.contract.shot import Shot
+from pe_runtime.environment import Frame
+from pe_runtime.images import linear_from_srgb, read_metadata, write_exr, write_png
+from pe_runtime.shots.frames import (
+    OnProgress,
+    ShouldStop,
+    frame_digest,
+    model_digest,
+    render_frames,
+    select_frames,
+)
+from pe_runtime.shots.rollout import World, prepare_shot
+
+DIGEST_KEY = "playable_environment_digest"
+
+
+@dataclass(frozen=True)
+class RenderReport:
+    """What rendering a shot to disk did."""
+
+    written: tuple[int, ...]
+    """Frames drawn now."""
+    kept: tuple[int, ...]
+    """Frames found on disk with unchanged inputs."""
+    seconds: float
+
+
+def load_shot(path: str | Path) -> Shot:
+    """Read a shot file; its relative paths count from the file's folder.
+
+    Raises:
+        ShotError: The file is missing or no shot.
+    """
+    try:
+        text = Path(path).read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ShotError(f"cannot read the shot {path} ({error})") from error
+    shot, folder = Shot.from_json(text, str(path)), Path(path).parent
+
+    def anchored(name: str | None) -> str | None:
+        return None if name is None else str(folder / name)
+
+    start = dataclasses.replace(
+        shot.start, image=anchored(shot.start.image), state=anchored(shot.start.state)
+    )
+    tracks = (
+        dataclasses.replace(
+            track,
+            styles=tuple(
+                dataclasses.replace(mix, image=anchored(mix.image)) for mix in track.styles
+            ),
+        )
+        for track in shot.objects
+    )
+    return dataclasses.replace(shot, start=start, objects=tuple(tracks))
+
+
+def render_shot(
+    world: World,
+    shot: Shot,
+    output: str | Path,
+    frames: Iterable[int] | None = None,
+    resume: bool = True,
+    on_progress: OnProgress | None = None,
+    should_stop: ShouldStop | None = None,
+) -> RenderReport:
+    """Draw frames of a shot into a folder: `0001.png`, and `0001.exr` where passes are asked for.
+
+    Args:
+        world: The loaded environment.
+        shot: The job.
+        output: Folder; made if missing.
+        frames: Frames to draw; None for all.
+        resume: Keep files whose inputs have not changed since they were written.
+        on_progress: Called after every frame with the number done and the total.
+        should_stop: Asked before every frame; files written so far stay.
+
+    Raises:
+        RenderCancelledError: `should_stop` said so.
+        ShotError: The shot cannot be run in this environment.
+    """
+    began, folder = time.perf_counter(), Path(output)
+    folder.mkdir(parents=True, exist_ok=True)
+    prepared = prepare_shot(world, shot)
+    wanted = select_frames(shot, frames)
+    model = model_digest(world)
+    digests = {frame: frame_digest(model, prepared, frame) for frame in wanted}
+    kept = [n for n in wanted if resume and _is_current(folder, n, shot, digests[n])]
+    missing = [frame for frame in wanted if frame not in kept]
+    for number, frame in render_frames(world, prepared, missing, should_stop=should_stop):
+        _write_frame(folder, number, frame, shot, digests[number])
+        if on_progress is not None:
+            on_progress(len(kept) + missing.index(number) + 1, len(wanted))
+    return RenderReport(tuple(missing), tuple(kept), time.perf_counter() - began)
+
+
+def frame_path(folder: Path, frame: int) -> Path:
+    """The picture of a frame."""
+    return folder / f"{frame:04d}.png"
+
+
+def _is_current(folder: Path, frame: int, shot: Shot, digest: str) -> bool:
+    paths = [frame_path(folder, frame)]
+    if shot.passes:
+        paths.append(paths[0].with_suffix(".exr"))
+    return all(read_metadata(path).get(DIGEST_KEY) == digest for path in paths)
+
+
+def _write_frame(folder: Path, number: int, frame: Frame, shot: Shot, digest: str) -> None:
+    path, metadata = frame_path(folder, number), {DIGEST_KEY: digest}
+    if shot.passes:
+        linear = linear_from_srgb(frame.rgb)
+        channels = {name: linear[..., index] for index, name in enumerate("RGB")}
+        if frame.depth is not None:
+            channels["Z"] = frame.depth
+        channels |= {f"mask.{name}": mask for name, mask in frame.masks.items()}
+        write_exr(path.with_suffix(".exr"), channels, metadata)
+    write_png(path, frame.rgb, metadata)

@@ -1,0 +1,1 @@
+"""The worker process: reads messages on stdin, calls an environment, writes messages on stdout."""

@@ -1,0 +1,94 @@
+"""A trained environment behind the wire."""
+
+from collections import OrderedDict
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from pe_runtime.contract.camera import Camera
+from pe_runtime.contract.errors import ConfigError
+from pe_runtime.contract.messages import ModelFacts
+from pe_runtime.contract.shot import Shot
+from pe_runtime.environment import PlayableEnvironment
+from pe_runtime.images import to_uint8
+from pe_runtime.shots import (
+    PreparedShot,
+    Rollout,
+    prepare_shot,
+    render_frames,
+    rollout,
+    rollout_key,
+    start_state,
+)
+from pe_runtime.state import state_as_dict
+from pe_runtime.worker.serving import Picture, box_mesh
+
+REMEMBERED_ROLLOUTS = 8
+
+
+class ModelWorld:
+    """Serves a PlayableEnvironment and remembers the latest rollouts.
+
+    Blender asks for the frames of one shot in many requests, each with the whole shot.
+
+    Args:
+        device: Where it computes: "auto", "cpu", "cuda".
+    """
+
+    def __init__(self, device: str = "auto") -> None:
+        self._device = device
+        self._environment: PlayableEnvironment | None = None
+        self._rollouts: OrderedDict[str, Rollout] = OrderedDict()
+
+    def load(self, model: str) -> ModelFacts:
+        """Load a model by built-in name or path."""
+        environment = PlayableEnvironment.load(model, self._device)
+        self._environment, config = environment, environment.config
+        return ModelFacts(
+            model,
+            dict(environment.action_names),
+            environment.steps_per_second,
+            config.width,
+            config.height,
+        )
+
+    def encode(self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Any]) -> dict[str, Any]:
+        """State of a picture, uint8 (height, width, 3), as JSON values."""
+        picture = image.astype(np.float32) / np.float32(255)
+        return state_as_dict(self._environment.encode(picture, camera, boxes))
+
+    def rollout(self, shot: Shot) -> dict[str, np.ndarray]:
+        """Predicted positions (frames, 3) float64 of every playable object, before overrides."""
+        states = self._prepared(shot).rollout.states
+        return {
+            name: np.stack([state[name].position.double().cpu().numpy() for state in states])
+            for name in self._environment.playable_names
+        }
+
+    def render(self, shot: Shot, frames: list[int]) -> Iterator[Picture]:
+        """Draw frames one by one."""
+        prepared = self._prepared(shot)
+        for number, frame in render_frames(self._environment, prepared, frames):
+            buffers = {"rgb": to_uint8(frame.rgb)}
+            if frame.depth is not None:
+                buffers["depth"] = frame.depth.astype(np.float32)
+            masks = {f"mask:{name}": mask for name, mask in frame.masks.items()}
+            yield Picture(number, buffers | masks)
+
+    def proxy_mesh(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        """The box of an object's volume, around its origin, metres."""
+        config = self._environment.config.class_of(name)
+        if config.kind == "sky":
+            raise ConfigError(f"{name!r} is the sky; it has no volume to stand for it")
+        return box_mesh(config.low, config.high)
+
+    def _prepared(self, shot: Shot) -> PreparedShot:
+        key = rollout_key(shot)
+        if key not in self._rollouts:
+            start = start_state(self._environment, shot.start)
+            self._rollouts[key] = rollout(self._environment, start, shot)
+        self._rollouts.move_to_end(key)
+        while len(self._rollouts) > REMEMBERED_ROLLOUTS:
+            self._rollouts.popitem(last=False)
+        return prepare_shot(self._environment, shot, self._rollouts[key])
