@@ -1,0 +1,59 @@
+"""What an evaluation reports, for people (a rich table) and for programs (JSON)."""
+
+import json
+import math
+from typing import Any
+
+from rich.table import Table
+
+FIGURES = {
+    "reconstruction_psnr": ("PSNR, recorded view", "dB"),
+    "reconstruction_ssim": ("SSIM, recorded view", ""),
+    "novel_view_psnr": ("PSNR, second camera", "dB"),
+    "novel_view_ssim": ("SSIM, second camera", ""),
+    "novel_view_drop": ("PSNR lost at the second camera", "dB"),
+    "box_psnr_own_pose": ("PSNR in players' boxes, own pose", "dB"),
+    "box_psnr_other_pose": ("PSNR in players' boxes, pose of another frame", "dB"),
+    "box_psnr_pose_gap": ("PSNR in players' boxes won by the own pose", "dB"),
+    "delta_mse": ("Delta-MSE, true positions", "%"),
+    "delta_mse_of_true_actions": ("Delta-MSE of the recorder's own actions", "%"),
+    "delta_accuracy": ("Delta-Acc, true positions", "%"),
+    "action_agreement": ("Mutual information with the true actions (0 to 1)", ""),
+    "encoding_error": ("Position error of an encoded frame", "m"),
+    "rollout_error": ("Position error, mean over the rollout", "m"),
+    "rollout_error_last": ("Position error after the last step", "m"),
+    "static_error_last": ("The same if players stood still", "m"),
+}
+"""Label and unit of each figure, in the order of the table."""
+
+
+def as_table(report: dict[str, Any]) -> Table:
+    """A report of `evaluation.protocol.evaluate` as a table with 95 % intervals."""
+    title = f"{report['scene']}: {report['sequences']} sequences, {report['frames']} frames drawn"
+    table = Table(title=title)
+    table.add_column("figure")
+    for heading in ("value", "95 % interval", "unit"):
+        table.add_column(heading, justify="right")
+    for key, (label, unit) in FIGURES.items():
+        figure = report["figures"].get(key)
+        if figure is not None:
+            interval = f"{_number(figure['low'])} .. {_number(figure['high'])}"
+            table.add_row(label, _number(figure["value"]), interval, unit)
+    return table
+
+
+def as_json(report: dict[str, Any]) -> str:
+    """The report as JSON; what could not be measured (NaN) becomes null."""
+    return json.dumps(_without_nan(report), indent=2, allow_nan=False)
+
+
+def _number(value: float) -> str:
+    return "-" if math.isnan(value) else f"{value:.3f}" if abs(value) < 10 else f"{value:.2f}"
+
+
+def _without_nan(value: Any) -> Any:  # noqa: ANN401 any JSON value
+    if isinstance(value, dict):
+        return {key: _without_nan(entry) for key, entry in value.items()}
+    if isinstance(value, list):
+        return [_without_nan(entry) for entry in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
