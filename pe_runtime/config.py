@@ -173,8 +173,8 @@ class SynthesisConfig:
     renderer_learning_rate: float = 1e-3
     warmup: int = 100
     clip: float = 1.0
-    perceptual_weight: float = 0.05
-    gradient_weight: float = 0.3
+    perceptual_weight: float = 0.3
+    gradient_weight: float = 0.03
     permute_style: bool = True
     density_noise: float = 0.0
     bfloat16: bool = True

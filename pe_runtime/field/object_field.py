@@ -8,7 +8,8 @@ from pe_runtime.config import ObjectClassConfig
 from pe_runtime.field.bending import RayBending
 from pe_runtime.field.layers import Modulation, PositionalEncoding, per_ray, stack
 
-DENSITY_SHIFT = 1.0
+DENSITY_SHIFT = 2.5
+"""Raw densities start around 0; the shift makes volumes start as thin fog, not as solid blocks."""
 
 
 class ObjectField(nn.Module):

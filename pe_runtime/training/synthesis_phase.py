@@ -72,7 +72,7 @@ class SynthesisPhase:
         loss.backward()
         norm = torch.nn.utils.clip_grad_norm_(self.networks.parameters(), config.clip)
         self.optimiser.step()
-        return logs | {"loss": float(loss), "gradient": float(norm), "rate": self.rates[0] * share}
+        return logs | {"loss": float(loss.detach()), "gradient": float(norm), "rate": self.rates[0] * share}
 
     def _sample(self) -> FrameBatch:
         """Some frames of some sequences; frames of a sequence stay neighbours in the batch."""
@@ -124,10 +124,10 @@ class SynthesisPhase:
         gradient = gradient_distance(images, targets)
         perceptual = self.perceptual(images, targets)
         config = self.config
-        loss = squared + 0.1 * config.gradient_weight * gradient
+        loss = squared + config.gradient_weight * gradient
         loss = loss + config.perceptual_weight * perceptual
         psnr = -10 * torch.log10(squared.detach().clamp(min=1e-10))
-        return loss, {"psnr_patch": float(psnr), "perceptual": float(perceptual)}
+        return loss, {"psnr_patch": float(psnr), "perceptual": float(perceptual.detach())}
 
     @torch.no_grad()
     def evaluate(self) -> Log:
