@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from pe_runtime.contract.camera import (
     OPENCV_FROM_BLENDER_AXES,
@@ -252,7 +253,8 @@ def look_through(holder: bpy.types.Object, render: bpy.types.RenderSettings, eye
     lens.lens = fx * lens.sensor_width / eye.width
     lens.shift_x = (eye.width / 2 - cx) / eye.width
     lens.shift_y = (cy - eye.height / 2) / (eye.width * fy / fx)
-    holder.matrix_world = (eye.world_from_camera @ OPENCV_FROM_BLENDER_AXES).T.ravel().tolist()
+    world_from_blender_camera = eye.world_from_camera @ OPENCV_FROM_BLENDER_AXES
+    holder.matrix_world = Matrix(world_from_blender_camera.tolist())
 
 
 def _read_track(

@@ -130,6 +130,8 @@ class Session:
         self.error = str(error)
 
     def _forget(self) -> None:
+        if self._client is not None:
+            self._client.kill()
         self._client, self._loaded = None, ""
         self._facts.clear()
 

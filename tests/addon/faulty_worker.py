@@ -1,0 +1,65 @@
+"""A fake worker that misbehaves on purpose: `python faulty_worker.py MODE`."""
+
+import os
+import sys
+import time
+
+from pe_runtime.contract.errors import CameraError
+from pe_runtime.worker.fake_world import FakeWorld
+from pe_runtime.worker.serving import Inbox, serve
+
+BAD_FRAME = 3
+
+
+class FailingWorld(FakeWorld):
+    """Refuses one frame."""
+
+    def render(self, shot, frames):
+        if BAD_FRAME in frames:
+            raise CameraError("the lens fell off")
+        yield from super().render(shot, frames)
+
+
+class DyingWorld(FakeWorld):
+    """Takes the process along at one frame."""
+
+    def render(self, shot, frames):
+        if BAD_FRAME in frames:
+            sys.stderr.write("out of memory, or so\n")
+            sys.stderr.flush()
+            os._exit(7)
+        yield from super().render(shot, frames)
+
+
+class SmallWorld(FakeWorld):
+    """Draws half of the pixels that were asked for."""
+
+    def render(self, shot, frames):
+        for picture in super().render(shot, frames):
+            picture.buffers["rgb"] = picture.buffers["rgb"][::2, ::2].copy()
+            yield picture
+
+
+WORLDS = {
+    "fails": FailingWorld,
+    "dies": DyingWorld,
+    "small": SmallWorld,
+    "slow": lambda: FakeWorld(seconds_per_frame=2.0),
+}
+
+
+def main(mode):
+    if mode == "silent":
+        time.sleep(60)
+    if mode == "chatty":
+        sys.stdout.write("Hello, I am a library that greets its users!\n")
+        sys.stdout.flush()
+        time.sleep(60)
+    if mode == "broken":
+        raise SystemExit("ModuleNotFoundError: No module named 'torch'")
+    source, sink = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    return serve(WORLDS[mode], Inbox(source), sink)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1]))
