@@ -27,6 +27,7 @@ from pe_runtime.contract.episode import (
 from pe_runtime.contract.errors import EpisodeError
 
 BUILT_IN_SCENE = "duel"
+NO_BLENDER = 3  # exit status of the recorder where `bpy` cannot be imported
 Progress = Callable[[int, int], None]
 
 _CHUNKS_PER_PROCESS = 4  # starting Blender costs as much as a few frames: not one per episode
@@ -238,13 +239,19 @@ class _Crew:
             EpisodeError: If it failed, or left episodes unfinished.
         """
         status = worker.process.wait()
+        messages = _tail(worker.errors)
+        if "ModuleNotFoundError" in messages or status == NO_BLENDER:
+            raise EpisodeError(
+                f"{self.python} cannot record: {messages.splitlines()[-1]}; give a Python that has "
+                "Blender's wheel, or add it: pip install 'playable-environments[blender]'"
+            )
         paths = [episode_path(self.job.output, n) for n in worker.chunk]
         unfinished = [path.name for path in paths if not is_complete(path)]
         if status or unfinished:
             raise EpisodeError(
                 f"recording of episodes {paths[0].name} to {paths[-1].name} failed with status "
                 f"{status}, {len(unfinished)} unfinished; the end of its messages:\n"
-                f"{_tail(worker.errors)}"
+                f"{messages}"
             )
         self.workers.remove(worker)
         worker.errors.close()

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from blender_addon.datagen.recordable import Recordable
 
 BUILT_IN = "duel"
+NO_BLENDER = 3  # exit status that pe_runtime.recording explains
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -36,11 +37,8 @@ def main(arguments: list[str] | None = None) -> int:
         replies = _keep_stdout_clean()
         _record(options, replies)
     except ModuleNotFoundError as error:
-        sys.stderr.write(
-            f"{error}: recording needs Blender's Python; install the wheel with "
-            "`pip install playable-environments[blender]`\n"
-        )
-        return 3
+        sys.stderr.write(f"{error}: recording runs in Blender's Python\n")
+        return NO_BLENDER
     except PlayableEnvironmentError as error:
         sys.stderr.write(f"{error}\n")
         return 1

@@ -18,12 +18,11 @@ from blender_addon.datagen.motion import (
     PLAYERS,
     STEPS_PER_SECOND,
     Motion,
-    NoRoomError,
-    plan_motion,
+    draw_sequence,
 )
 from blender_addon.datagen.people import Person, build_person, key_person
 from blender_addon.datagen.recordable import PLAYABLE, VIEW, Recordable
-from blender_addon.datagen.viewpoints import Viewpoint, camera_axes, plan_views
+from blender_addon.datagen.viewpoints import Viewpoint, camera_axes
 
 GROUND_X, GROUND_Y = (-14.0, 14.0), (-12.0, 9.0)
 WALL_Y, WALL_TOP = 9.0, 3.5
@@ -36,41 +35,26 @@ _SERVICE_Y = (-2.2, 2.2)
 _LINE = 0.10
 _PANELS = ((-11.0, -7.0), (-4.5, -1.0), (1.5, 5.0), (7.5, 11.0))
 _PANEL_Z = (0.6, 2.7)
-_ATTEMPTS = 2000
-
-
-def draw_sequence(
-    seed: int, sequence: int
-) -> tuple[Motion, tuple[list[Viewpoint], list[Viewpoint]], np.random.Generator]:
-    """Draw what happens: motion, the two cameras' paths, and the generator for the colours."""
-    rng = np.random.default_rng((seed, sequence))
-    for _ in range(_ATTEMPTS):
-        views = plan_views(rng, FRAMES)
-        try:
-            return plan_motion(rng, views[0]), views, rng
-        except NoRoomError:
-            continue
-    raise NoRoomError(f"no legal sequence in {_ATTEMPTS} attempts (seed {seed}, {sequence})")
 
 
 def build_duel(seed: int, sequence: int) -> Recordable:
     """Empty Blender and build one sequence of `duel` in it."""
-    motion, views, rng = draw_sequence(seed, sequence)
+    plan = draw_sequence(seed, sequence)
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     scene.frame_start, scene.frame_end = 1, FRAMES
     scene.render.fps = round(STEPS_PER_SECOND)
-    colours = draw_surroundings(rng)
+    colours = draw_surroundings(plan.rng)
     palette = Palette()
     _build_court(scene, palette, colours)
     make_sky(scene, colours.horizon, colours.zenith)
-    _build_sun(scene, rng)
-    outfits = draw_outfits(rng, len(PLAYERS))
+    _build_sun(scene, plan.rng)
+    outfits = draw_outfits(plan.rng, len(PLAYERS))
     for index, (name, outfit) in enumerate(zip(PLAYERS, outfits, strict=True)):
         person = build_person(scene, name, outfit, palette)
         person.root[PLAYABLE] = name
-        _key_motion(person, motion, index)
-    for number, path in enumerate(views):
+        _key_motion(person, plan.motion, index)
+    for number, path in enumerate(plan.views):
         _build_camera(scene, f"camera_{number}", number, path)
     forbid_bounces(scene)
     return Recordable(scene, "duel", ACTIONS, STEPS_PER_SECOND)

@@ -4,11 +4,11 @@ Pure numpy, so the laws of the data can be tested without Blender. World: metres
 whose yaw is 0 faces -Y, where the cameras are. Angles are radians.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from blender_addon.datagen.viewpoints import Viewpoint, ground_axes, shows_person
+from blender_addon.datagen.viewpoints import Viewpoint, ground_axes, plan_views, shows_person
 
 ACTIONS = ("idle", "left", "right", "forward", "back", "raise_arm")
 PLAYERS = ("player_1", "player_2")
@@ -28,6 +28,7 @@ ARM_OVERHEAD = 2.8
 ARM_DECAY = 0.25  # share of the raise left after one step: low enough to stay inside 0.8 m
 LARGEST_TURN = 0.7
 
+_ATTEMPTS = 2000
 _RAISE = ACTIONS.index("raise_arm")
 _CAMERA_DIRECTION = np.array([(0, 0), (-1, 0), (1, 0), (0, 1), (0, -1), (0, 0)], dtype=np.float64)
 
@@ -58,17 +59,43 @@ class Motion:
     gaits: tuple[Gait, ...]
 
 
+@dataclass(frozen=True)
+class Plan:
+    """One sequence before it is built.
+
+    Attributes:
+        motion: What the players do.
+        views: The two cameras' paths, one viewpoint per frame each.
+        rng: Where the sequence's further draws (colours) come from.
+    """
+
+    motion: Motion
+    views: tuple[list[Viewpoint], list[Viewpoint]]
+    rng: np.random.Generator
+
+
 @dataclass
 class _Choice:
     """The action a player holds and for how many more steps."""
 
     action: int = 0
     remaining: int = 0
-    order: list[int] = field(default_factory=list)
 
 
 class NoRoomError(RuntimeError):
     """No legal step exists; the caller draws the sequence anew."""
+
+
+def draw_sequence(seed: int, sequence: int) -> Plan:
+    """Draw one sequence; the same numbers give the same plan in every process."""
+    rng = np.random.default_rng((seed, sequence))
+    for _ in range(_ATTEMPTS):
+        views = plan_views(rng, FRAMES)
+        try:
+            return Plan(plan_motion(rng, views[0]), views, rng)
+        except NoRoomError:
+            continue
+    raise NoRoomError(f"no legal sequence in {_ATTEMPTS} attempts: seed {seed}, number {sequence}")
 
 
 def move(action: int, view: Viewpoint, length: float = STEP_METRES) -> np.ndarray:

@@ -96,11 +96,6 @@ def open_blend(path: Path) -> Recordable:
     scene = bpy.context.scene
     rate = scene.render.fps / scene.render.fps_base / scene.frame_step
     found = Recordable(scene, path.stem, (), rate)
-    if not len(found.frames):
-        raise EpisodeError(
-            f"scene {path}: its range {scene.frame_start} to {scene.frame_end} holds no frame; "
-            "set the frame range to record"
-        )
     if not found.playables():
         raise EpisodeError(
             f"scene {path}: expected playable objects, found none; give the root of each "

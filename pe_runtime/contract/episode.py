@@ -12,6 +12,7 @@ is right-handed, Z up, in metres. Letters: V views, T frames, P objects.
 """
 
 import json
+import os
 import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -279,9 +280,8 @@ _DTYPES = {
 def _check_arrays(arrays: EpisodeArrays) -> None:
     for name, dtype in _DTYPES.items():
         found = getattr(arrays, name)
-        if not isinstance(found, np.ndarray) or found.dtype != dtype:
-            kind = getattr(found, "dtype", type(found).__name__)
-            raise EpisodeError(f"{name} is {kind}; expected an array of {np.dtype(dtype)}")
+        if found.dtype != dtype:
+            raise EpisodeError(f"{name} is {found.dtype}; expected an array of {np.dtype(dtype)}")
     if arrays.present.ndim != 3:
         raise EpisodeError(f"present has shape {arrays.present.shape}; expected (V, T, P)")
     v, t, p = arrays.present.shape
@@ -352,7 +352,8 @@ def _info_from_dict(facts: object, where: str) -> DatasetInfo:
 
 def _load_npz(path: Path) -> dict[str, np.ndarray]:
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        # Opened here, because numpy leaves the file of a damaged archive open.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             return {name: stored[name] for name in stored.files}
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
         raise EpisodeError(f"{path} cannot be read: {error}; record the episode again") from error
@@ -369,6 +370,7 @@ def _read_json(path: Path) -> dict:
 
 
 def _write_json(path: Path, facts: dict) -> None:
-    part = path.with_name(path.name + ".part")
+    # Processes that record one data set may write its description at the same moment.
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
     part.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
     part.replace(path)
