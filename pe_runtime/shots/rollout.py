@@ -79,7 +79,6 @@ def prepare_shot(world: World, shot: Shot, predicted: Rollout | None = None) -> 
     start = predicted.states[0]
     files = {mix.image for track in shot.objects for mix in track.styles}
     lenders = {path: start if path is None else read_state(path) for path in files}
-    _check_objects(world, shot, start)
     _check_styles(shot, start, lenders)
     return PreparedShot(shot, predicted, lenders)
 
@@ -123,7 +122,10 @@ def read_state(path: str | Path) -> EnvironmentState:
         ShotError: The file is missing or holds no state.
     """
     try:
-        return state_from_dict(json.loads(Path(path).read_text()))
+        content = json.loads(Path(path).read_text())
+        if not isinstance(content, dict):
+            raise ValueError(f"found a JSON {type(content).__name__}")
+        return state_from_dict(content)
     except (OSError, ValueError, PlayableEnvironmentError) as error:
         raise ShotError(
             f"{path} is no environment state ({error}); write one with `pe encode`"
@@ -138,8 +140,9 @@ def rollout(world: World, start: EnvironmentState, shot: Shot) -> Rollout:
     between two steps have positions in linear and pose codes in smooth proportion.
 
     Raises:
-        ShotError: An action key names an object or an action that the model does not have.
+        ShotError: The shot names an object or an action that the model does not have.
     """
+    _check_objects(world, shot, start)
     _check_actions(world, shot)
     frames_per_step = shot.fps / world.steps_per_second
     times = [_steps_at(index / frames_per_step) for index in range(len(shot.frames))]
