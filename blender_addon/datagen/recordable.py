@@ -3,7 +3,7 @@
 Marks are custom properties, so any .blend can be made recordable by hand:
 
     pe_playable   on the root Empty or object of a playable object: its name (text)
-    pe_action     on the same object, animated or not: index of the action taken from this frame
+    pe_action     on the same object: whole number, the action's index; keys hold until the next
     pe_view       on further cameras: 1 for the second view, ...; the scene's camera is view 0
 """
 
@@ -12,6 +12,7 @@ from pathlib import Path
 
 import bpy
 
+from blender_addon.fcurves import make_stepped
 from pe_runtime.contract.errors import EpisodeError
 
 PLAYABLE = "pe_playable"
@@ -101,6 +102,9 @@ def open_blend(path: Path) -> Recordable:
             f"scene {path}: expected playable objects, found none; give the root of each "
             f"the custom property {PLAYABLE} with its name"
         )
+    for root in found.playables().values():
+        # Blender slides whole-number properties from key to key, through every action between.
+        make_stepped(root, f'["{ACTION}"]')
     return found
 
 

@@ -211,6 +211,23 @@ def test_any_scene_with_marked_objects_can_be_recorded(bpy, tmp_path):
         assert found.depth(0, frame)[row, column] == pytest.approx(depth[0] - 0.5, abs=0.05)
 
 
+def test_action_keys_hold_until_the_next_one(bpy, tmp_path):
+    from blender_addon.datagen.recordable import open_blend
+
+    scene, root = scene_with_a_ball(bpy, frames=4)
+    root.animation_data_clear()
+    for frame, action in ((10, 4), (16, 0)):
+        root["pe_action"] = action
+        root.keyframe_insert('["pe_action"]', frame=frame)
+    source = open_blend(save(bpy, tmp_path))
+    (ball,) = source.playables().values()
+    seen = []
+    for frame in source.frames:
+        source.scene.frame_set(frame)
+        seen.append(ball["pe_action"])
+    assert seen == [4, 4, 4, 0]
+
+
 def test_an_object_without_an_action_property_has_unknown_actions(bpy, tmp_path):
     from blender_addon.datagen.recordable import open_blend
     from blender_addon.datagen.recorder import Recording, dataset_info, record_episode
