@@ -8,7 +8,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blender_addon.datagen.viewpoints import Viewpoint, ground_axes, plan_views, shows_person
+from blender_addon.datagen.viewpoints import (
+    Viewpoint,
+    ground_axes,
+    hides_feet,
+    plan_views,
+    shows_person,
+)
 
 ACTIONS = ("idle", "left", "right", "forward", "back", "raise_arm")
 PLAYERS = ("player_1", "player_2")
@@ -167,7 +173,8 @@ def _legal(feet: np.ndarray, player: int, view: Viewpoint) -> bool:
     others = np.delete(feet, player, axis=0)
     gap = np.linalg.norm(others[:, :2] - feet[player, :2], axis=1).min(initial=np.inf)
     inside = abs(x) <= ROAM_X and abs(y) <= ROAM_Y
-    return bool(inside and gap >= MINIMUM_GAP and shows_person(view, feet[player]))
+    seen = shows_person(view, feet[player]) and not hides_feet(view, feet)
+    return bool(inside and gap >= MINIMUM_GAP and seen)
 
 
 def _gait(rng: np.random.Generator, actions: np.ndarray) -> Gait:

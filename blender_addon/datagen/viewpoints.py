@@ -21,6 +21,7 @@ PERSON_HEIGHT = 1.8
 SMALLEST_PERSON = 41 / 144  # of the picture's height
 MARGIN = 2 / 144  # of the picture's height, kept free around a person
 _REACH = 0.45  # half the width in metres that must stay inside the frame
+_LEGS_REACH = 0.25  # half the width in metres of a person's legs, and some
 _TOP = 2.15  # metres, hand of a raised arm
 
 
@@ -80,6 +81,13 @@ def shows_person(view: Viewpoint, foot: np.ndarray) -> bool:
     x, y = focal * in_camera[:, :2].T / in_camera[:, 2]
     inside = (abs(x) <= ASPECT / 2 - MARGIN).all() and (abs(y) <= 0.5 - MARGIN).all()
     return bool(inside and y[-2] - y[-1] >= SMALLEST_PERSON)
+
+
+def hides_feet(view: Viewpoint, feet: np.ndarray) -> bool:
+    """Whether one of two people at `feet` (2, 3) stands in front of the other's feet."""
+    in_camera = (feet - view.eye) @ camera_axes(view)
+    sideways = in_camera[:, 0] / in_camera[:, 2]
+    return bool(abs(sideways[0] - sideways[1]) < _LEGS_REACH / in_camera[:, 2].min())
 
 
 def _glide(

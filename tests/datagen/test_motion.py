@@ -179,3 +179,19 @@ def test_two_players_without_room_are_refused_rather_than_moved(plans, monkeypat
 
 def test_there_are_as_many_start_ranges_as_players():
     assert len(motion.START_X) == len(PLAYERS)
+
+
+def test_nobody_stands_in_front_of_the_other_players_feet(plans):
+    for plan in plans:
+        for view, feet in zip(plan.views[0], plan.motion.positions, strict=True):
+            in_camera = (feet - view.eye) @ camera_axes(view)
+            across = in_camera[:, 0] / in_camera[:, 2]
+            assert abs(across[0] - across[1]) * in_camera[:, 2].min() >= 0.25 - 1e-9
+
+
+def test_feet_behind_a_person_are_hidden_and_beside_one_are_seen(plans):
+    view = plans[0].views[0][0]
+    right, forward = ground_axes(view)
+    toward = view.eye * (1, 1, 0) / 4
+    assert viewpoints.hides_feet(view, np.stack([toward, np.zeros(3)]))
+    assert not viewpoints.hides_feet(view, np.stack([toward + right, np.zeros(3)]))
