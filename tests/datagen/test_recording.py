@@ -128,6 +128,15 @@ def test_a_python_without_blender_is_explained(tmp_path):
         record(job(tmp_path), 1, stand_in(tmp_path, each))
 
 
+def test_a_recording_where_blender_cannot_be_imported_is_explained(tmp_path, monkeypatch):
+    absent = "raise ModuleNotFoundError('No module named bpy')"
+    (tmp_path / "bpy.py").write_text(absent)
+    monkeypatch.setenv("PYTHONPATH", os.fspath(tmp_path))
+    # A checkout comes first on the path, but holds no bpy of its own.
+    with pytest.raises(EpisodeError, match=r"cannot record: No module named bpy.*pip install"):
+        record(job(tmp_path, 1), 1)
+
+
 def test_a_python_that_does_not_exist_is_explained(tmp_path):
     with pytest.raises(EpisodeError, match="cannot start /no/such/python"):
         record(job(tmp_path), 1, "/no/such/python")
