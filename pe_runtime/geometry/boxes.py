@@ -34,7 +34,7 @@ def intersect_box(
     first = (low - origins) / safe
     second = (high - origins) / safe
     # A ray parallel to a slab is inside it for ever or never; 0/0 would say NaN.
-    inside = (origins >= low) & (origins <= high)
+    inside = (origins > low) & (origins < high)
     infinity = torch.full_like(first, torch.inf)
     enters = torch.where(inside, -infinity, infinity)
     entry = torch.where(parallel, enters, torch.minimum(first, second)).amax(dim=-1)
