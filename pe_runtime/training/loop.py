@@ -5,10 +5,13 @@ resumes. Randomness is seeded anew from the step's number, so a resumed run repe
 that an uninterrupted one would have made.
 """
 
+import contextlib
 import json
 import math
+import signal
+import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
@@ -72,7 +75,7 @@ def run(
     resume: bool = False,
     on_log: Callable[[int, Log], None] | None = None,
 ) -> int:
-    """Train a phase; interrupting it (Ctrl-C) saves and stops.
+    """Train a phase; Ctrl-C or SIGTERM ends it after the current step, saved.
 
     Args:
         phase: What is trained.
@@ -93,8 +96,8 @@ def run(
     step, spent = _resumed(phase, output) if resume else (0, 0.0)
     started = time.monotonic() - spent
     since: list[Log] = []
-    try:
-        while step < schedule.steps:
+    with _finishing_on_signal() as wish:
+        while step < schedule.steps and not wish.is_set():
             elapsed = time.monotonic() - started
             progress = step / schedule.steps
             if schedule.minutes:
@@ -107,8 +110,6 @@ def run(
             since.append(figures)
             step += 1
             _pause(phase, output, schedule, (step, elapsed, since), on_log)
-    except KeyboardInterrupt:
-        pass
     _save(phase, output, step, time.monotonic() - started)
     return step
 
@@ -141,6 +142,34 @@ def restore_optimiser(
             state.setdefault(int(index), {})[key] = tensor
     groups = optimiser.state_dict()["param_groups"]
     optimiser.load_state_dict({"state": state, "param_groups": groups})
+
+
+@contextlib.contextmanager
+def _finishing_on_signal() -> Iterator[threading.Event]:
+    """Turn Ctrl-C and SIGTERM into a wish to stop after the current step; twice means at once.
+
+    A step that is broken off in the middle would leave weights that no resumed run can repeat.
+    Only the main thread may handle signals; elsewhere the event is simply never set.
+    """
+    wish = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield wish
+        return
+    signals = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.getsignal(number) for number in signals}
+
+    def remember(number: int, frame: object) -> None:
+        if wish.is_set():
+            raise KeyboardInterrupt
+        wish.set()
+
+    for number in signals:
+        signal.signal(number, remember)
+    try:
+        yield wish
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def _pause(
