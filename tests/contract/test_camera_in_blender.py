@@ -84,11 +84,11 @@ def opengl_clip(intrinsics, width, height):
 def test_four_hundred_random_cameras_project_as_blender_does(scene):
     rng = random.Random(7)
     portrait = parented = 0
-    for _ in range(CAMERAS):
-        camera = random_camera_object(rng, scene)
+    cameras = [random_camera_object(rng, scene) for _ in range(CAMERAS)]
+    scene.view_layers[0].update()
+    depsgraph = scene.view_layers[0].depsgraph
+    for camera in cameras:
         random_render_settings(rng, scene.render)
-        scene.view_layers[0].update()
-        depsgraph = scene.view_layers[0].depsgraph
         evaluated = camera.evaluated_get(depsgraph)
         ours = camera_from_blender(
             lens_of(evaluated.data, scene.render), np.array(evaluated.matrix_world)
