@@ -1,0 +1,1 @@
+"""Action networks: what an object did between two states, and what it does next."""

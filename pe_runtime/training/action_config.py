@@ -1,0 +1,46 @@
+"""Knobs of the action module's training."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class ActionTrainingConfig:
+    """Training of A, R and D on encoded sequences (paper, Sec. 3.4).
+
+    The loss weights suit movements in units of `movement_scale` and normalised poses. Poses weigh
+    more than in the paper and the two action losses less: with the jitter of box-derived positions
+    they would otherwise spend actions on noise instead of telling standing poses apart.
+    """
+
+    steps: int = 1500
+    batch: int = 64
+    """Windows per step, from the sequences of all objects of the class."""
+    shortest: int = 6
+    """States in the shortest window; each step draws one length for all its windows."""
+    longest: int = 12
+    longest_move: float = 1.0
+    """Metres in one step beyond which a sequence is left out: the box was cut by another object."""
+    learning_rate: float = 2e-3
+    discriminator_learning_rate: float = 5e-4
+    betas: tuple[float, float] = (0.5, 0.9)
+    warmup: float = 0.03
+    """Share of the training over which the learning rates rise."""
+    clip: float = 1.0
+    position_weight: float = 1.0
+    pose_weight: float = 3.0
+    style_weight: float = 0.1
+    """Without effect unless R predicts styles."""
+    action_weight: float = 0.05
+    movement_weight: float = 0.1
+    adversarial_weight: float = 0.01
+    variability_weight: float = 0.05
+    variability_share: float = 0.5
+    """Sequences rebuilt with v; the others with v = 0, as at inference."""
+    first_temperature: float = 1.0
+    last_temperature: float = 0.3
+    first_teacher_forcing: float = 0.8
+    last_teacher_forcing: float = 0.0
+    seed: int = 0
+    log_every: int = 50
+    evaluate_every: int = 250
+    checkpoint_every: int = 250

@@ -1,0 +1,240 @@
+"""Second training phase: discover actions in encoded sequences (paper, Sec. 3.4)."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from pe_runtime.action.description import describe_actions
+from pe_runtime.action.discriminator import TemporalDiscriminator
+from pe_runtime.action.module import ActionModule, Reconstruction, Sampling
+from pe_runtime.action.movement import ground_axes, movements
+from pe_runtime.action.sequences import StateSequence
+from pe_runtime.checkpoint import fit, save_checkpoint
+from pe_runtime.config import ActionConfig, as_dict
+from pe_runtime.contract.errors import EpisodeError
+from pe_runtime.evaluation.motion import normalised_mutual_information
+from pe_runtime.training import action_losses as losses
+from pe_runtime.training.action_config import ActionTrainingConfig
+from pe_runtime.training.action_sequences import ActionDataset, without_jumps
+from pe_runtime.training.loop import (
+    Log,
+    Schedule,
+    learning_rate_share,
+    optimiser_tensors,
+    restore_optimiser,
+    run,
+)
+
+
+class ActionPhase:
+    """A and R against D, on windows of encoded sequences.
+
+    Args:
+        config: Network sizes.
+        training: Schedule and loss weights.
+        data: Training sequences of all objects of the class (their device is used).
+        held_out: Sequences for measurements, if any.
+    """
+
+    def __init__(
+        self,
+        config: ActionConfig,
+        training: ActionTrainingConfig,
+        data: ActionDataset,
+        held_out: ActionDataset | None = None,
+    ) -> None:
+        self.config, self.training = config, training
+        self.data, self.held_out = data, held_out
+        style, pose = data.styles.shape[1], data.poses.shape[2]
+        device = data.positions.device
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(training.seed)
+            self.module = ActionModule(config, style, pose).to(device)
+            self.judge = TemporalDiscriminator(config, pose).to(device)
+        self.optimisers = {
+            "module": _adam(self.module, training.learning_rate, training.betas),
+            "judge": _adam(self.judge, training.discriminator_learning_rate, training.betas),
+        }
+
+    def step(self, progress: float) -> Log:
+        """One step of A and R against D, then one of D against them.
+
+        All noise comes from a generator that is seeded from torch's global one, so the loop's
+        seeding of every step decides it.
+        """
+        training = self.training
+        generator = torch.Generator().manual_seed(int(torch.randint(2**62, ())))
+        sampling = Sampling(
+            _between(training.first_temperature, training.last_temperature, progress),
+            _between(training.first_teacher_forcing, training.last_teacher_forcing, progress),
+            training.variability_share,
+            generator,
+        )
+        share = learning_rate_share(progress, training.warmup)
+        lengths = (min(training.shortest, training.longest), training.longest + 1)
+        length = int(torch.randint(*lengths, (), generator=generator))
+        encoded = self.data.sample(generator, training.batch, length)
+        self.judge.requires_grad_(False)
+        rebuilt = self.module.reconstruct(encoded, sampling)
+        loss, figures = self._module_loss(encoded, rebuilt)
+        self._descend("module", loss, training.learning_rate * share)
+        self.judge.requires_grad_(True)
+        real, fake = self.judge(encoded), self.judge(rebuilt.sequence.detach())
+        loss = losses.discriminator_loss(real, fake)
+        self._descend("judge", loss, training.discriminator_learning_rate * share)
+        return figures | {"discriminator": loss.item()}
+
+    def _module_loss(self, encoded: StateSequence, rebuilt: Reconstruction) -> tuple[Tensor, Log]:
+        training, estimate = self.training, rebuilt.estimate
+        seen_again = self.module.action_network(rebuilt.sequence).probabilities.flatten(0, 1)
+        seen = estimate.probabilities.flatten(0, 1)
+        axes = ground_axes(encoded.world_from_camera, self.config.movement_frame)
+        moves = movements(encoded.positions, axes).flatten(0, 1)
+        scale = self.config.movement_scale
+        terms = {
+            "position": losses.position_loss(rebuilt.sequence, encoded, scale),
+            "pose": losses.code_loss(rebuilt.sequence.poses, encoded.poses),
+            "style": losses.code_loss(rebuilt.sequence.styles, encoded.styles),
+            "action": -losses.mutual_information(seen, seen_again),
+            "movement": losses.soft_delta_mse(seen, moves),
+            "adversarial": losses.generator_loss(self.judge(rebuilt.sequence)),
+            "variability": losses.variability_divergence(estimate.mean, estimate.log_variance),
+        }
+        total = sum(getattr(training, f"{name}_weight") * term for name, term in terms.items())
+        return total, {"loss": total.item()} | {name: term.item() for name, term in terms.items()}
+
+    def _descend(self, name: str, loss: Tensor, rate: float) -> None:
+        optimiser, network = self.optimisers[name], self._networks()[name]
+        for group in optimiser.param_groups:
+            group["lr"] = rate
+        optimiser.zero_grad(set_to_none=True)
+        loss.backward()
+        nn.utils.clip_grad_norm_(network.parameters(), self.training.clip)
+        optimiser.step()
+
+    @torch.no_grad()
+    def evaluate(self) -> Log:
+        """Rollouts of the held-out sequences from their first state and their inferred actions.
+
+        Returns:
+            Mean distance at the last step from the encoded position (metres), pose error, share of
+            the encoded movements' variance that the actions leave unexplained, and the agreement
+            with the true actions where they are known.
+        """
+        if self.held_out is None:
+            return {}
+        sequence = self.held_out.sequences()
+        actions = self.module.infer(sequence)
+        played = self.module.play(sequence.at(0), actions, sequence.world_from_camera)
+        away = (played.positions - sequence.positions)[:, -1].norm(dim=-1)
+        axes = ground_axes(sequence.world_from_camera, self.config.movement_frame)
+        moves = movements(sequence.positions, axes).flatten(0, 1)
+        chosen = nn.functional.one_hot(actions.flatten(), self.config.actions).to(moves)
+        figures = {
+            "held_out_last_position": away.mean().item(),
+            "held_out_pose": losses.code_loss(played.poses, sequence.poses).item(),
+            "held_out_movement": losses.soft_delta_mse(chosen, moves).item(),
+        }
+        if self.held_out.true_actions is not None:
+            pair = (actions, self.held_out.true_actions)
+            pair = [each.flatten().cpu().numpy() for each in pair]
+            figures["held_out_agreement"] = normalised_mutual_information(*pair)
+        return figures
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Weights and optimisers of both sides."""
+        tensors: dict[str, Tensor] = {}
+        for name, network in self._networks().items():
+            tensors |= {f"{name}.{key}": each for key, each in network.state_dict().items()}
+            tensors |= optimiser_tensors(self.optimisers[name], f"optimiser_{name}")
+        return tensors
+
+    def restore(self, tensors: Mapping[str, Tensor]) -> None:
+        """Take back what `tensors` gave.
+
+        Raises:
+            CheckpointError: It belongs to networks of other sizes.
+        """
+        for name, network in self._networks().items():
+            prefix = f"{name}."
+            own = {n[len(prefix) :]: t for n, t in tensors.items() if n.startswith(prefix)}
+            fit(network.state_dict(), own, f"the action phase's {name}")
+            network.load_state_dict(own)
+            restore_optimiser(self.optimisers[name], tensors, f"optimiser_{name}")
+
+    def _networks(self) -> dict[str, nn.Module]:
+        return {"module": self.module, "judge": self.judge}
+
+
+def train_actions(
+    config: tuple[ActionConfig, ActionTrainingConfig],
+    data: tuple[ActionDataset, ActionDataset | None],
+    class_name: str,
+    output: str | Path,
+    minutes: float | None = None,
+    resume: bool = False,
+    on_log: Callable[[int, Log], None] | None = None,
+) -> ActionModule:
+    """Train the action module of one class and write OUTPUT/actions.safetensors.
+
+    Args:
+        config: The networks' and the training's configuration.
+        data: Encoded training sequences, and held-out ones or None.
+        class_name: The playable class; prefix of the weights' names.
+        output: Run folder.
+        minutes: Wall-clock limit; all schedules follow it.
+        resume: Go on from the run folder's checkpoint.
+        on_log: Called with the step and its figures.
+
+    Raises:
+        EpisodeError: No sequence of two or more states without jumps.
+    """
+    networks, training = config
+    kept = without_jumps(data[0], training.longest_move)
+    if len(kept) == 0 or kept.steps < 2:
+        raise EpisodeError(
+            f"actions need sequences of two states or more without steps of over "
+            f"{training.longest_move} m; {len(data[0])} of {data[0].steps} states were given"
+        )
+    phase = ActionPhase(networks, training, kept, data[1])
+    schedule = Schedule(
+        steps=training.steps,
+        minutes=minutes,
+        log_every=training.log_every,
+        evaluate_every=training.evaluate_every,
+        checkpoint_every=training.checkpoint_every,
+        seed=training.seed,
+    )
+    steps = run(phase, output, schedule, resume, on_log)
+    module = phase.module.eval()
+    header = actions_header(class_name, module, kept) | {"kind": "actions", "steps": steps}
+    header |= {"action_config": as_dict(networks), "action_training": as_dict(training)}
+    tensors = prefixed_actions(class_name, module)
+    save_checkpoint(Path(output) / "actions.safetensors", tensors, header)
+    return module
+
+
+def prefixed_actions(class_name: str, module: ActionModule) -> dict[str, Tensor]:
+    """An action module's weights under the names that model files use."""
+    return {f"actions.{class_name}.{name}": each for name, each in module.state_dict().items()}
+
+
+def actions_header(class_name: str, module: ActionModule, data: ActionDataset) -> dict[str, Any]:
+    """What a model file says about the actions of one class: names, movements, shares."""
+    found = describe_actions(module, data.sequences())
+    return {
+        "action_names": {class_name: [each.name for each in found]},
+        "action_movements": {class_name: [list(each.movement) for each in found]},
+        "action_shares": {class_name: [each.share for each in found]},
+    }
+
+
+def _adam(network: nn.Module, rate: float, betas: tuple[float, float]) -> torch.optim.Adam:
+    return torch.optim.Adam(network.parameters(), rate, betas)
+
+
+def _between(first: float, last: float, share: float) -> float:
+    return first + (last - first) * share

@@ -1,0 +1,109 @@
+"""Encoded sequences in memory: what the action module is trained on."""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float, Int
+from torch import Tensor
+
+from pe_runtime.action.sequences import StateSequence
+from pe_runtime.contract.errors import EpisodeError
+
+
+@dataclass(frozen=True)
+class ActionDataset:
+    """Every encoded sequence of every object of one playable class.
+
+    Attributes:
+        positions: From the boxes, metres, world.
+        styles: One code per sequence (the mean over its frames).
+        poses: Deformation codes.
+        world_from_camera: Camera rotations.
+        true_actions: Actions that were really taken, where a recorder knows them; only logged.
+    """
+
+    positions: Float[Tensor, "sequences time 3"]
+    styles: Float[Tensor, "sequences style"]
+    poses: Float[Tensor, "sequences time pose"]
+    world_from_camera: Float[Tensor, "sequences time 3 3"]
+    true_actions: Int[Tensor, "sequences moves"] | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("positions", "styles", "poses", "world_from_camera"):
+            if not torch.isfinite(getattr(self, name)).all():
+                raise EpisodeError(
+                    f"the encoded {name} hold NaN or infinity; leave out the sequences in which"
+                    " an object has no box"
+                )
+
+    def __len__(self) -> int:
+        return self.positions.shape[0]
+
+    @property
+    def steps(self) -> int:
+        """States in each sequence."""
+        return self.positions.shape[1]
+
+    def sequences(self) -> StateSequence:
+        """All of them, whole."""
+        styles = self.styles[:, None].expand(-1, self.steps, -1)
+        return StateSequence(self.positions, styles, self.poses, self.world_from_camera)
+
+    def sample(self, generator: torch.Generator, batch: int, steps: int) -> StateSequence:
+        """Draw windows of equal length, each from a random sequence at a random start.
+
+        Args:
+            generator: Of the CPU.
+            batch: How many windows.
+            steps: States in each; cut to the sequences' length.
+        """
+        steps = min(steps, self.steps)
+        which = torch.randint(len(self), (batch, 1), generator=generator)
+        start = torch.randint(self.steps - steps + 1, (batch, 1), generator=generator)
+        which = which.to(self.positions.device)
+        when = (start + torch.arange(steps)).to(self.positions.device)
+        return StateSequence(
+            self.positions[which, when],
+            self.styles[which].expand(-1, steps, -1),
+            self.poses[which, when],
+            self.world_from_camera[which, when],
+        )
+
+
+def without_jumps(data: ActionDataset, longest: float) -> ActionDataset:
+    """Leave out sequences in which an object moves further than `longest` metres in one step.
+
+    Such jumps come from boxes that show only a part: behind another object, or at the rim.
+    """
+    steps = (data.positions[:, 1:] - data.positions[:, :-1]).norm(dim=-1)
+    keep = (steps <= longest).all(dim=1)
+    return ActionDataset(
+        data.positions[keep],
+        data.styles[keep],
+        data.poses[keep],
+        data.world_from_camera[keep],
+        None if data.true_actions is None else data.true_actions[keep.to(data.true_actions.device)],
+    )
+
+
+def join(datasets: list[ActionDataset]) -> ActionDataset:
+    """Put the sequences of several objects of one class together.
+
+    Raises:
+        EpisodeError: There is none, or their lengths or code sizes differ.
+    """
+    if not datasets:
+        raise EpisodeError("there are no sequences to learn actions from")
+    shapes = {(d.steps, d.styles.shape[1], d.poses.shape[2]) for d in datasets}
+    if len(shapes) > 1:
+        raise EpisodeError(
+            f"sequences must agree in (steps, style size, pose size); found {sorted(shapes)}"
+        )
+    known = [each.true_actions for each in datasets]
+    return ActionDataset(
+        torch.cat([each.positions for each in datasets]),
+        torch.cat([each.styles for each in datasets]),
+        torch.cat([each.poses for each in datasets]),
+        torch.cat([each.world_from_camera for each in datasets]),
+        None if any(each is None for each in known) else torch.cat(known),
+    )
