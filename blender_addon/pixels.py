@@ -56,7 +56,8 @@ def bottom_up(image: np.ndarray, left: int, bottom: int, width: int, height: int
         height: Rows of the window.
     """
     window = image[::-1][bottom : bottom + height, left : left + width]
-    return np.ascontiguousarray(window, dtype=np.float32).ravel()
+    # A copy in this machine's own float32: Blender refuses arrays that spell out "<f4".
+    return window.astype(np.float32, order="C").ravel()
 
 
 def use_exact_colours(scene: object) -> None:
