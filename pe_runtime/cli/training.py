@@ -1,0 +1,88 @@
+"""`pe train` and `pe evaluate`."""
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pe_runtime.cli.pictures import DEFAULT_MODEL, Model
+from pe_runtime.cli.terminal import device, note, progress, shared, show
+
+app = typer.Typer(help="Train a model: first what it sees, then what it can do.")
+Config = Annotated[Path, typer.Option(help="TOML with the sections model, synthesis, actions.")]
+Data = Annotated[Path, typer.Option(help="Data set to train on.")]
+Output = Annotated[Path, typer.Option("--out", "-o", help="Run folder.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on from the run's checkpoint.")]
+Steps = Annotated[int | None, typer.Option(min=1, help="Instead of the configured number.")]
+
+
+@app.command()
+@shared
+def synthesis(
+    config: Config,
+    data: Data,
+    output: Output,
+    val: Annotated[Path | None, typer.Option(help="Held-out data set for measurements.")] = None,
+    resume: Resume = False,
+    minutes: Annotated[float | None, typer.Option(help="Wall-clock limit.")] = None,
+    steps: Steps = None,
+) -> None:
+    """Train encoder, fields and feature renderer; writes OUTPUT/synthesis.safetensors."""
+    from pe_runtime.config import ModelConfig, SynthesisConfig, read_toml
+    from pe_runtime.dataset import load_clips
+    from pe_runtime.training.synthesis_phase import train_synthesis
+
+    model = read_toml(config, "model", ModelConfig)
+    training = read_toml(config, "synthesis", SynthesisConfig)
+    if steps is not None:
+        training = dataclasses.replace(training, steps=steps)
+    clips = load_clips(data), load_clips(val) if val else None
+    train_synthesis((model, training), clips, output, minutes, resume, on_log=_log)
+    show({"model": str(output / "synthesis.safetensors")})
+
+
+@app.command()
+@shared
+def actions(
+    checkpoint: Annotated[Path, typer.Option(help="Trained synthesis module.")],
+    config: Config,
+    data: Data,
+    output: Output,
+    resume: Resume = False,
+    steps: Steps = None,
+) -> None:
+    """Learn the actions of a trained model's players; writes OUTPUT/model.safetensors."""
+    from pe_runtime.config import read_toml
+    from pe_runtime.dataset import load_clips
+    from pe_runtime.training.action_config import ActionTrainingConfig
+    from pe_runtime.training.model_file import train_model_actions
+
+    training = read_toml(config, "actions", ActionTrainingConfig)
+    if steps is not None:
+        training = dataclasses.replace(training, steps=steps)
+    file = train_model_actions(checkpoint, load_clips(data), training, output, resume, _log)
+    show({"model": str(file)})
+
+
+def evaluate(
+    data: Annotated[Path, typer.Option(help="Recorded data set the model has not seen.")],
+    model: Model = DEFAULT_MODEL,
+    limit: Annotated[int | None, typer.Option(min=1, help="Only so many sequences.")] = None,
+    every: Annotated[int, typer.Option(min=1, help="Draw each n-th frame of a sequence.")] = 3,
+) -> None:
+    """Measure a model on held-out sequences: pictures, actions, positions."""
+    from pe_runtime.environment import PlayableEnvironment
+    from pe_runtime.evaluation.protocol import evaluate as measure
+    from pe_runtime.evaluation.tables import as_json, as_table
+
+    environment = PlayableEnvironment.load(model, device())
+    with progress("sequences") as report:
+        figures = measure(environment, data, limit, every, report)
+    show(json.loads(as_json(figures)), as_table(figures))
+
+
+def _log(step: int, figures: Mapping[str, float]) -> None:
+    note(f"step {step}: " + ", ".join(f"{name} {value:.4g}" for name, value in figures.items()))

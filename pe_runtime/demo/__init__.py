@@ -1,0 +1,5 @@
+"""The demo: one picture becomes a Blender scene, a baked roll-out, frames, a strip and a film."""
+
+from pe_runtime.demo.film import DemoError, DemoOptions, run_demo
+
+__all__ = ["DemoError", "DemoOptions", "run_demo"]
