@@ -85,14 +85,14 @@ class Composition:
     """What the rays see.
 
     Attributes:
-        features: One feature tensor per group of rays.
+        features: One tensor (rays of the group, channels) per group of rays.
         weights: Share of every object in every ray, in the order of the objects.
         depth: Weighted planar depth of everything but skies, metres: sum w t (not normalised).
         solid: Summed weight of everything but skies.
         statistics: Counters: rays, hits, samples, feature_samples.
     """
 
-    features: list[Float[Tensor, "rays channels"]]
+    features: list[Float[Tensor, "_ _"]]
     weights: Float[Tensor, "rays objects"]
     depth: Float[Tensor, " rays"]
     solid: Float[Tensor, " rays"]
