@@ -13,7 +13,14 @@ BANNED_NAMES = "utils helpers common misc manager handler wrapper base v2 new fi
 BANNED_IMPORTS = {"pickle", "cPickle", "dill", "importlib", "imp"}
 BANNED_CALLS = {"eval", "exec"}
 BANNED_METHODS = {"cuda", "import_module"}
-PRINTERS = {"cli.py", "worker.py", "__main__.py"}
+DOORS = {"cli", "worker"}
+HOMES = {
+    "safetensors": ("weights on disk", ("checkpoint",)),
+    "OpenImageIO": ("pixels on disk", ("images", "datagen")),
+    "struct": ("the wire", ("messages",)),
+    "sys.stdout": ("what is printed", ("cli", "worker", "__main__")),
+    "bpy.context": ("the user's context", ("operators", "panels", "datagen")),
+}
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
 
@@ -103,11 +110,31 @@ def truthy(node):
 
 def print_breaches(path, tree):
     """`print` outside the doors: the worker's stdout is a wire."""
-    if path.name in PRINTERS:
+    if DOORS & {*path.parts, path.stem}:
         return
     for node in ast.walk(tree):
         if isinstance(node, ast.Call) and getattr(node.func, "id", None) == "print":
             yield node.lineno, "prints"
+
+
+def home_breaches(path, tree):
+    """Knowledge that has one home, met elsewhere (see HOMES)."""
+    used = {dotted(node) for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+    for node in ast.walk(tree):
+        used |= {alias.name for alias in node.names} if isinstance(node, ast.Import) else set()
+        used |= {node.module} if isinstance(node, ast.ImportFrom) else set()
+    for name, (what, homes) in HOMES.items():
+        at_home = path.stem in homes or set(homes) & set(path.parts)
+        if not at_home and any(u == name or str(u).startswith(name + ".") for u in used):
+            yield 1, f"uses {name}: {what} lives in {', '.join(homes)}"
+
+
+def dotted(node):
+    """`sys.stdout.write` of an attribute chain; "" if it starts with something else."""
+    if isinstance(node, ast.Name):
+        return node.id
+    inner = dotted(node.value) if isinstance(node, ast.Attribute) else ""
+    return f"{inner}.{node.attr}" if inner else ""
 
 
 def missing_documentation(path, tree):
@@ -137,10 +164,16 @@ def test_only_the_doors_print():
     assert breaches(print_breaches, *PACKAGES) == []
 
 
+def test_each_piece_of_knowledge_has_one_home():
+    assert breaches(home_breaches, *PACKAGES) == []
+
+
 def test_every_file_says_what_it_is_for():
     assert breaches(missing_documentation, *PACKAGES) == []
 
 
+HOME_OF_WEIGHTS = "uses safetensors: weights on disk lives in checkpoint"
+HOME_OF_CONTEXT = "uses bpy.context: the user's context lives in operators, panels, datagen"
 BAD_SAMPLES = [
     (budget_breaches, "def f(a, b, c, d, e, f, g, h): pass", "f: 8 parameters"),
     (budget_breaches, "def f():\n" + "    x = 1\n" * 60, "f: 61 lines"),
@@ -157,6 +190,9 @@ BAD_SAMPLES = [
     (danger_breaches, "model.cuda()", "calls .cuda"),
     (danger_breaches, "np.load(path, allow_pickle=True)", "allows pickles"),
     (danger_breaches, "np.load(path, allow_pickle=ask)", "allows pickles"),
+    (home_breaches, "import safetensors.torch", HOME_OF_WEIGHTS),
+    (home_breaches, "from safetensors import safe_open", HOME_OF_WEIGHTS),
+    (home_breaches, "scene = bpy.context.scene", HOME_OF_CONTEXT),
     (print_breaches, "def f():\n    print(1)", "prints"),
 ]
 
@@ -176,7 +212,7 @@ def test_the_rules_let_good_code_pass():
         "class Database:\n    def f(self, a, b, c, d, e, f, g):\n"
         "        return np.load(a, allow_pickle=False)"
     )
-    for check in (budget_breaches, name_breaches, danger_breaches, print_breaches):
+    for check in (budget_breaches, name_breaches, danger_breaches, home_breaches, print_breaches):
         assert list(check(Path("sample.py"), ast.parse(good))) == []
 
 
