@@ -20,6 +20,7 @@ from pe_runtime.images import read_image
 from pe_runtime.shots.action_text import Runs, keys_of, parse_actions
 from pe_runtime.shots.clips import start_from_clip
 
+BLENDER_PROGRAM = ("-m", "blender_addon.demo_scene")
 FRAMES, FPS = 24, 12
 CAMERA_MOVE = {"azimuth_degrees": 12.0, "dolly_metres": -0.5}
 SHEET_FRAMES = 8
@@ -170,7 +171,7 @@ def _spec(
 
 def _film(out: Path, on_progress: Callable[[int, int], None]) -> dict[str, Any]:
     """Let Blender film the spec in a process of its own and return its report."""
-    command = [sys.executable, "-m", "blender_addon.demo_scene", "--spec", str(out / "spec.json")]
+    command = [sys.executable, *BLENDER_PROGRAM, "--spec", str(out / "spec.json")]
     log = out / "blender.log"
     with log.open("wb") as words:
         process = subprocess.Popen(command, stdout=words, stderr=subprocess.STDOUT)

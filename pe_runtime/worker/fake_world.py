@@ -17,6 +17,7 @@ from pe_runtime.contract.camera import Camera, project
 from pe_runtime.contract.errors import CameraError, CheckpointError, ShotError
 from pe_runtime.contract.messages import ModelFacts
 from pe_runtime.contract.shot import Shot
+from pe_runtime.contract.shot_track import Box
 from pe_runtime.worker.serving import Picture, box_mesh
 
 MODELS = ("duel", "fake")
@@ -51,7 +52,7 @@ class FakeWorld:
             raise CheckpointError(f"no model {model!r}; the fake worker knows {', '.join(MODELS)}")
         return ModelFacts(model, dict.fromkeys(PLAYERS, ACTIONS), STEPS_PER_SECOND, 256, 144)
 
-    def encode(self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Any]) -> dict[str, Any]:
+    def encode(self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Box]) -> dict[str, Any]:
         """Players stand where the lower edges of their boxes meet the ground."""
         if image.shape[:2] != (camera.height, camera.width):
             raise ShotError(
@@ -88,15 +89,15 @@ class FakeWorld:
         return box_mesh((-half, -half, 0.0), (half, half, height))
 
 
-def _encode(name: str, camera: Camera, boxes: Mapping[str, Any]) -> dict[str, Any]:
+def _encode(name: str, camera: Camera, boxes: Mapping[str, Box]) -> dict[str, Any]:
     seen = name in boxes
     place = _foot(camera, name, boxes[name]) if seen else [0.0, 0.0, 0.0]
     return {"position": place, "style": [0.5], "pose": [0.0], "visible": seen}
 
 
-def _foot(camera: Camera, name: str, box: Any) -> list[float]:  # noqa: ANN401
+def _foot(camera: Camera, name: str, box: Box) -> list[float]:
     """Where the middle of a box's lower edge meets the ground, environment space."""
-    left, top, right, bottom = (float(edge) for edge in box)
+    left, top, right, bottom = box
     if not (right > left and bottom > top):
         raise ShotError(f"the box of {name!r} has no area: {[left, top, right, bottom]}")
     pixel = np.array([(left + right) / 2, bottom, 1.0])

@@ -10,6 +10,7 @@ from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import ConfigError
 from pe_runtime.contract.messages import ModelFacts
 from pe_runtime.contract.shot import Shot
+from pe_runtime.contract.shot_track import Box
 from pe_runtime.environment import PlayableEnvironment
 from pe_runtime.images import to_uint8
 from pe_runtime.shots import (
@@ -53,7 +54,7 @@ class ModelWorld:
             config.height,
         )
 
-    def encode(self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Any]) -> dict[str, Any]:
+    def encode(self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Box]) -> dict[str, Any]:
         """State of a picture, uint8 (height, width, 3), as JSON values."""
         picture = image.astype(np.float32) / np.float32(255)
         return state_as_dict(self._environment.encode(picture, camera, boxes))

@@ -25,6 +25,8 @@ from pe_runtime.contract.messages import (
     write_message,
 )
 from pe_runtime.contract.shot import Shot
+from pe_runtime.contract.shot_track import Box
+from pe_runtime.contract.shot_values import read_row
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ class World(Protocol):
     def load(self, model: str) -> ModelFacts:
         """Make a model ready."""
 
-    def encode(self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Any]) -> dict[str, Any]:
+    def encode(self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Box]) -> dict[str, Any]:
         """State of a picture, uint8 (height, width, 3), as JSON values."""
 
     def rollout(self, shot: Shot) -> dict[str, np.ndarray]:
@@ -180,7 +182,9 @@ class _Session:
                 f"{image.shape}"
             )
         camera = Camera.from_dict(_field(call, "camera", dict), "encode.camera")
-        state = self._loaded().encode(image, camera, _field(call, "boxes", dict))
+        listed = _field(call, "boxes", dict)
+        boxes = {name: read_row(box, f"encode.boxes[{name!r}]", 4) for name, box in listed.items()}
+        state = self._loaded().encode(image, camera, boxes)
         return Message("state", {"state": state})
 
     def _rollout(self, call: _Call) -> Message:

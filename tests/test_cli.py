@@ -1,0 +1,285 @@
+"""The command line as its user meets it: exit codes, one line on stderr, results on stdout."""
+
+import json
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import cv2
+import pytest
+import tiny_model
+
+from pe_runtime.cli import main
+from pe_runtime.cli.terminal import parse_frames, parse_size
+from pe_runtime.contract.errors import ShotError
+from pe_runtime.contract.shot import ObjectTrack, Shot, Start
+from pe_runtime.images import read_image
+from pe_runtime.shots.action_text import keys_of, parse_actions, steps_of
+
+ROOT = Path(__file__).parents[1]
+NAMES = {"player_1": ("idle", "left", "raise_arm"), "player_2": ("idle",)}
+
+
+def run(capsys, *arguments):
+    """Exit code, stdout and stderr of one command."""
+    with pytest.raises(SystemExit) as stop:
+        main([str(each) for each in arguments])
+    said = capsys.readouterr()
+    return stop.value.code or 0, said.out, said.err
+
+
+def result(capsys, *arguments):
+    code, out, err = run(capsys, *arguments, "--json")
+    assert (code, err) == (0, "")
+    return json.loads(out)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    return tiny_model.write_model(tmp_path_factory.mktemp("model") / "tiny.safetensors")
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory):
+    return tiny_model.write_clip(tmp_path_factory.mktemp("clip"))
+
+
+@pytest.fixture
+def encoded(capsys, model, clip, tmp_path):
+    """A state file made by `pe encode`."""
+    camera, boxes = tmp_path / "camera.json", tmp_path / "boxes.json"
+    camera.write_text(json.dumps(tiny_model.camera().as_dict()))
+    boxes.write_text(json.dumps(tiny_model.boxes()))
+    picture, state = clip / "00000/frames/0/0000.png", tmp_path / "made" / "state.json"
+    options = ("--camera", camera, "--boxes", boxes, "-o", state, "--model", model)
+    found = result(capsys, "encode", picture, *options)
+    return state, found["positions"]
+
+
+def test_help_lists_every_command_of_the_design(capsys):
+    code, out, _ = run(capsys, "--help")
+    assert code == 0
+    for name in ("demo", "info", "encode", "play", "render", "dataset", "train", "evaluate"):
+        assert name in out
+    for arguments in (("dataset", "--help"), ("train", "--help"), ("extension", "build", "--help")):
+        assert run(capsys, *arguments)[0] == 0
+
+
+def test_wrong_usage_exits_with_two_and_says_what_is_missing(capsys):
+    for arguments, named in [
+        (("play",), "start"),
+        (("nonsense",), "nonsense"),
+        (("dataset", "record", "-o", "x", "--sequences", "0"), "sequences"),
+        (("dataset", "record", "-o", "x", "--sequences", "1", "--size", "big"), "256x144"),
+    ]:
+        code, out, err = run(capsys, *arguments)
+        assert (code, out) == (2, "")
+        assert named in err
+
+
+def test_an_unknown_model_is_one_line_on_stderr_and_exit_code_one(capsys):
+    code, out, err = run(capsys, "info", "dual")
+    assert (code, out) == (1, "")
+    assert err.startswith("pe: ")
+    assert "'dual'" in err
+    assert err.count("\n") == 1
+
+
+def test_info_tells_objects_and_actions_in_words_and_as_json(capsys, model):
+    facts = result(capsys, "info", model)
+    assert facts["actions"]["player_2"] == list(tiny_model.ACTIONS)
+    assert facts["size"] == "32x16"
+    code, out, _ = run(capsys, "info", model)
+    assert code == 0
+    assert "steps per second: 5.0" in out
+
+
+def test_encode_writes_a_state_with_players_where_their_boxes_stand(encoded):
+    state, positions = encoded
+    for name, place in tiny_model.PLACES.items():
+        assert positions[name] == pytest.approx(place, abs=0.02)
+    assert set(json.loads(state.read_text())["objects"]) == {"ground", *tiny_model.PLACES}
+
+
+@pytest.mark.parametrize(
+    ("name", "text"), [("camera", "{}"), ("boxes", '{"player_1": [1, 2]}'), ("boxes", "{")]
+)
+def test_encode_refuses_malformed_files_by_name(capsys, model, clip, tmp_path, name, text):
+    files = {"camera": json.dumps(tiny_model.camera().as_dict()), "boxes": "{}"} | {name: text}
+    options = []
+    for key, content in files.items():
+        (tmp_path / f"{key}.json").write_text(content)
+        options += [f"--{key}", tmp_path / f"{key}.json"]
+    picture = clip / "00000/frames/0/0000.png"
+    code, _, err = run(
+        capsys, "encode", picture, *options, "-o", tmp_path / "s.json", "--model", model
+    )
+    assert code == 1
+    assert f"{name}.json" in err
+    assert not (tmp_path / "s.json").exists()
+
+
+def test_play_writes_frames_paths_and_a_video(capsys, model, clip, tmp_path):
+    actions = "player_1=left*2,right;player_2=idle*3"
+    options = ("--start", clip, "--out", tmp_path, "--model", model, "--fps", "10", "--mp4")
+    found = result(capsys, "play", "--actions", actions, *options)
+    assert found["written"] == [1, 2, 3, 4, 5, 6, 7]
+    assert len(found["paths"]["player_1"]) == 7
+    assert read_image(tmp_path / "0007.png").shape == (16, 32, 3)
+    video = cv2.VideoCapture(found["video"])
+    assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 7
+    assert result(capsys, "play", "--actions", actions, *options)["kept"] == found["written"]
+
+
+def test_play_starts_from_a_state_file_as_from_its_clip(capsys, model, clip, encoded, tmp_path):
+    for name, start in (("clip", clip), ("state", encoded[0])):
+        options = ("--start", start, "--out", tmp_path / name, "--model", model)
+        run(capsys, "play", "--actions", "player_1=left", *options)
+    one, other = (read_image(tmp_path / name / "0002.png") for name in ("clip", "state"))
+    assert (one == other).all()
+
+
+def test_what_play_wrote_as_a_shot_renders_to_the_same_bytes(capsys, model, clip, tmp_path):
+    options = ("--start", clip, "--out", tmp_path / "a", "--model", model)
+    run(capsys, "play", "--actions", "player_1=left*3", *options)
+    code, out, _ = run(
+        capsys, "render", tmp_path / "a" / "shot.json", "-o", tmp_path / "b", "--frames", "2-3"
+    )
+    assert (code, "2 frames drawn" in out) == (0, True)
+    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == ["0002.png", "0003.png"]
+    for name in ("0002.png", "0003.png"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
+
+
+def test_render_draws_passes_again_when_told_not_to_resume(capsys, model, clip, tmp_path):
+    start = Start("00000/frames/0/0000.png", tiny_model.camera(), tiny_model.boxes())
+    shot = Shot(
+        version=1,
+        model=model,
+        start=start,
+        fps=5.0,
+        frame_start=10,
+        frame_end=11,
+        cameras=(tiny_model.camera(),) * 2,
+        objects=(ObjectTrack("player_1", ((10, 1),)),),
+        passes=("depth", "mask:player_1"),
+    )
+    file = clip / "shot.json"
+    file.write_text(shot.to_json())
+    assert result(capsys, "render", file, "-o", tmp_path)["written"] == [10, 11]
+    assert (tmp_path / "0010.exr").is_file()
+    assert result(capsys, "render", file, "-o", tmp_path)["kept"] == [10, 11]
+    assert result(capsys, "render", file, "-o", tmp_path, "--no-resume")["kept"] == []
+
+
+@pytest.mark.parametrize(
+    ("actions", "named"),
+    [
+        ("player_1=lift", "did you mean 'left'"),
+        ("player_9=left", "did you mean 'player_"),
+        ("player_1", "expected"),
+        ("", "expected"),
+        ("player_1=left*0", "1 step or more"),
+    ],
+)
+def test_play_refuses_actions_it_cannot_read(capsys, model, clip, tmp_path, actions, named):
+    options = ("--start", clip, "--out", tmp_path / "x", "--model", model)
+    code, _, err = run(capsys, "play", "--actions", actions, *options)
+    assert code == 1
+    assert named in err
+    assert not (tmp_path / "x").exists()
+
+
+def test_play_refuses_a_start_that_is_neither_clip_nor_state(capsys, model, tmp_path):
+    (tmp_path / "s.json").write_text("{}")
+    for start in (tmp_path / "s.json", tmp_path / "nothing", tmp_path):
+        options = ("--start", start, "--out", tmp_path / "x", "--model", model)
+        code, _, err = run(capsys, "play", "--actions", "player_1=left", *options)
+        assert code == 1
+        assert str(start) in err
+
+
+def test_actions_are_read_into_runs_and_keys_at_the_frames_of_their_steps():
+    runs = parse_actions(" player_1 = left*2 , raise_arm ; player_2=idle*5 ", NAMES)
+    assert runs == {"player_1": [(1, 2), (2, 1)], "player_2": [(0, 5)]}
+    assert steps_of(runs) == 5
+    # At 12 frames and 5 steps a second step 2 is taken at frame 1 + 4.8: the key stands at 5.
+    assert keys_of(runs["player_1"], 1, 12 / 5) == ((1, 1), (5, 2))
+    with pytest.raises(ShotError, match="once"):
+        parse_actions("player_1=left;player_1=idle", NAMES)
+
+
+def test_frames_and_sizes_are_read_from_text():
+    assert parse_frames("1-3, 7") == [1, 2, 3, 7]
+    assert parse_size("256x144") == (256, 144)
+    for text in ("", "a", "1-", "1-b", "-3"):
+        with pytest.raises(ShotError, match="1-24,30"):
+            parse_frames(text)
+
+
+def test_dataset_info_tells_what_a_data_set_holds(capsys, clip, tmp_path):
+    facts = result(capsys, "dataset", "info", clip)
+    assert (facts["complete_episodes"], facts["frames"], facts["size"]) == (1, 3, "32x16")
+    code, _, err = run(capsys, "dataset", "info", tmp_path)
+    assert code == 1
+    assert "dataset.json" in err
+
+
+def test_evaluate_prints_figures_as_a_table_and_as_json(capsys, model, clip):
+    figures = result(capsys, "evaluate", "--model", model, "--data", clip)["figures"]
+    assert figures["reconstruction_psnr"]["unit"] == "dB"
+    code, out, _ = run(capsys, "evaluate", "--model", model, "--data", clip)
+    assert code == 0
+    assert "PSNR" in out
+
+
+def test_a_training_config_with_an_unknown_key_is_refused(capsys, clip, tmp_path):
+    (tmp_path / "c.toml").write_text("[synthesis]\nstps = 3\n")
+    options = ("--config", tmp_path / "c.toml", "--data", clip, "-o", tmp_path / "run")
+    code, _, err = run(capsys, "train", "synthesis", *options)
+    assert code == 1
+    assert "did you mean 'steps'" in err
+
+
+def test_the_extension_holds_the_addon_and_the_contract_and_nothing_heavy(capsys, tmp_path):
+    made = result(capsys, "extension", "build", "-o", tmp_path)
+    with zipfile.ZipFile(made["file"]) as archive:
+        names = archive.namelist()
+        (wheel,) = [name for name in names if name.endswith(".whl")]
+        archive.extract(wheel, tmp_path)
+    assert {"blender_manifest.toml", "__init__.py", "worker_client.py"} <= set(names)
+    assert not [name for name in names if "datagen" in name or "demo_scene" in name]
+    with zipfile.ZipFile(tmp_path / wheel) as archive:
+        packed = [name for name in archive.namelist() if name.endswith(".py")]
+    assert "pe_runtime/contract/shot.py" in packed
+    assert {Path(name).parent.as_posix() for name in packed} == {
+        "pe_runtime",
+        "pe_runtime/contract",
+    }
+
+
+def test_the_bundled_contract_runs_without_the_rest_of_the_runtime(capsys, tmp_path):
+    made = result(capsys, "extension", "build", "-o", tmp_path)
+    with zipfile.ZipFile(made["file"]) as archive:
+        archive.extractall(tmp_path)
+    (wheel,) = tmp_path.glob("wheels/*.whl")
+    code = (
+        "import sys, numpy; from pe_runtime.contract import camera, episode, messages, shot; "
+        "assert camera.__file__.startswith(sys.argv[1]); assert 'torch' not in sys.modules"
+    )
+    # -I would hide the wheel; -S hides the installed package but numpy with it.
+    program = f"import sys; sys.path.insert(0, sys.argv[1]); {code}"
+    done = subprocess.run([sys.executable, "-c", program, str(wheel)], cwd=tmp_path)
+    assert done.returncode == 0
+
+
+def test_the_worker_command_serves_the_wire():
+    command = [sys.executable, "-m", "pe_runtime.cli", "worker", "--fake"]
+    done = subprocess.run(command, cwd=ROOT, input=b"", capture_output=True)
+    assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
+
+
+def test_the_command_line_starts_without_torch():
+    code = "import sys, pe_runtime.cli; sys.exit('torch' in sys.modules or 'cv2' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
