@@ -221,7 +221,7 @@ def read_toml(path: str | Path, section: str, kind: type) -> Any:  # noqa: ANN40
     return from_dict(kind, document.get(section, {}), section)
 
 
-def from_dict(kind: type, values: Mapping[str, Any], where: str = "config") -> Any:  # noqa: ANN401
+def from_dict(kind: type, values: object, where: str = "config") -> Any:  # noqa: ANN401
     """Build a configuration dataclass from plain values (parsed TOML or JSON).
 
     Raises:
@@ -264,12 +264,18 @@ def _convert(hint: Any, value: Any, where: str) -> Any:  # noqa: ANN401
     if hint is float and isinstance(value, int) and not isinstance(value, bool):
         value = float(value)
     if origin is not None:
-        return {k: _convert(arguments[1], v, f"{where}.{k}") for k, v in value.items()}
+        return _convert_table(arguments[1], value, where)
     if not isinstance(value, hint) or (hint is int and isinstance(value, bool)):
         raise ConfigError(f"{where}: expected {hint.__name__}, found {value!r}")
     if hint is float and not math.isfinite(value):
         raise ConfigError(f"{where}: expected a finite number, found {value!r}")
     return value
+
+
+def _convert_table(hint: Any, value: Any, where: str) -> dict[str, Any]:  # noqa: ANN401
+    if not isinstance(value, Mapping):
+        raise ConfigError(f"{where}: expected a table, found {value!r}")
+    return {key: _convert(hint, each, f"{where}.{key}") for key, each in value.items()}
 
 
 def _convert_tuple(arguments: tuple[Any, ...], value: Any, where: str) -> tuple:  # noqa: ANN401

@@ -122,7 +122,7 @@ def state_as_dict(state: EnvironmentState) -> dict[str, Any]:
     }
 
 
-def state_from_dict(values: Mapping[str, Any]) -> EnvironmentState:
+def state_from_dict(values: Any) -> EnvironmentState:  # noqa: ANN401
     """Read what `state_as_dict` wrote.
 
     Raises:
@@ -135,7 +135,7 @@ def state_from_dict(values: Mapping[str, Any]) -> EnvironmentState:
     return EnvironmentState(objects)
 
 
-def _object_from(values: Mapping[str, Any], name: str) -> ObjectState:
+def _object_from(values: Any, name: str) -> ObjectState:  # noqa: ANN401
     codes = {}
     for key in ("position", "style", "pose"):
         try:
