@@ -48,7 +48,7 @@ def make_states(sequences, steps=12, seed=0, jitter=Jitter(), codes=16):
         _tensor(seen),
         _tensor(styles),
         _tensor(poses),
-        _tensor(_rotations(yaw)),
+        _tensor(rotations(yaw)),
         torch.as_tensor(actions),
     )
     return Synthetic(dataset, _tensor(positions), torch.as_tensor(actions))
@@ -58,7 +58,7 @@ def _actions(rng, count):
     track = []
     while len(track) < count:
         track += [int(rng.integers(6))] * int(rng.integers(2, 6))
-    return track[:count]
+    return np.array(track[:count], dtype=np.int64)
 
 
 def _camera_yaw(rng, sequences, steps):
@@ -120,7 +120,7 @@ def _jitter(rng, yaw, jitter):
     return np.concatenate([noise, np.zeros_like(noise[..., :1])], -1)
 
 
-def _rotations(yaw, tilt=0.2):
+def rotations(yaw, tilt=0.2):
     """OpenCV camera axes of a camera that looks along +y, turned by yaw, tilted down."""
     c, s = np.cos(yaw), np.sin(yaw)
     zero = np.zeros_like(c)

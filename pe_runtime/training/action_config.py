@@ -42,5 +42,4 @@ class ActionTrainingConfig:
     last_teacher_forcing: float = 0.0
     seed: int = 0
     log_every: int = 50
-    evaluate_every: int = 250
     checkpoint_every: int = 250

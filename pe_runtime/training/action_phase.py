@@ -1,19 +1,16 @@
 """Second training phase: discover actions in encoded sequences (paper, Sec. 3.4)."""
 
-from collections.abc import Callable, Mapping
-from pathlib import Path
-from typing import Any
+from collections.abc import Mapping
 
 import torch
 from torch import Tensor, nn
 
-from pe_runtime.action.description import describe_actions
 from pe_runtime.action.discriminator import TemporalDiscriminator
 from pe_runtime.action.module import ActionModule, Reconstruction, Sampling
 from pe_runtime.action.movement import ground_axes, movements
 from pe_runtime.action.sequences import StateSequence
-from pe_runtime.checkpoint import fit, save_checkpoint
-from pe_runtime.config import ActionConfig, as_dict
+from pe_runtime.checkpoint import fit
+from pe_runtime.config import ActionConfig
 from pe_runtime.contract.errors import EpisodeError
 from pe_runtime.evaluation.motion import normalised_mutual_information
 from pe_runtime.training import action_losses as losses
@@ -21,33 +18,43 @@ from pe_runtime.training.action_config import ActionTrainingConfig
 from pe_runtime.training.action_sequences import ActionDataset, without_jumps
 from pe_runtime.training.loop import (
     Log,
-    Schedule,
     learning_rate_share,
     optimiser_tensors,
     restore_optimiser,
-    run,
 )
+
+MEASURED = 128
+"""Training sequences that stand in for held-out ones in measurements when there are none."""
 
 
 class ActionPhase:
     """A and R against D, on windows of encoded sequences.
 
     Args:
-        config: Network sizes.
-        training: Schedule and loss weights.
         data: Training sequences of all objects of the class (their device is used).
-        held_out: Sequences for measurements, if any.
+        config: Network sizes.
+        training: Loss weights and rates.
+        held_out: Sequences for measurements; without them some training sequences are measured.
+
+    Raises:
+        EpisodeError: No sequence of two or more states is free of jumps.
     """
 
     def __init__(
         self,
+        data: ActionDataset,
         config: ActionConfig,
         training: ActionTrainingConfig,
-        data: ActionDataset,
         held_out: ActionDataset | None = None,
     ) -> None:
         self.config, self.training = config, training
-        self.data, self.held_out = data, held_out
+        self.data = without_jumps(data, training.longest_move)
+        if len(self.data) == 0 or data.steps < 2:
+            raise EpisodeError(
+                f"actions need sequences of 2 states or more without a step of over "
+                f"{training.longest_move:g} m; none of {len(data)} of {data.steps} states is one"
+            )
+        self.measured = self.data.first(MEASURED) if held_out is None else held_out
         style, pose = data.styles.shape[1], data.poses.shape[2]
         device = data.positions.device
         with torch.random.fork_rng(devices=[]):
@@ -117,16 +124,14 @@ class ActionPhase:
 
     @torch.no_grad()
     def evaluate(self) -> Log:
-        """Rollouts of the held-out sequences from their first state and their inferred actions.
+        """Roll out the measured sequences from their first states and inferred actions.
 
         Returns:
             Mean distance at the last step from the encoded position (metres), pose error, share of
             the encoded movements' variance that the actions leave unexplained, and the agreement
             with the true actions where they are known.
         """
-        if self.held_out is None:
-            return {}
-        sequence = self.held_out.sequences()
+        sequence = self.measured.sequences()
         actions = self.module.infer(sequence)
         played = self.module.play(sequence.at(0), actions, sequence.world_from_camera)
         away = (played.positions - sequence.positions)[:, -1].norm(dim=-1)
@@ -134,14 +139,14 @@ class ActionPhase:
         moves = movements(sequence.positions, axes).flatten(0, 1)
         chosen = nn.functional.one_hot(actions.flatten(), self.config.actions).to(moves)
         figures = {
-            "held_out_last_position": away.mean().item(),
-            "held_out_pose": losses.code_loss(played.poses, sequence.poses).item(),
-            "held_out_movement": losses.soft_delta_mse(chosen, moves).item(),
+            "rollout_distance": away.mean().item(),
+            "rollout_pose": losses.code_loss(played.poses, sequence.poses).item(),
+            "unexplained_movement": losses.soft_delta_mse(chosen, moves).item(),
         }
-        if self.held_out.true_actions is not None:
-            pair = (actions, self.held_out.true_actions)
+        if self.measured.true_actions is not None:
+            pair = (actions, self.measured.true_actions)
             pair = [each.flatten().cpu().numpy() for each in pair]
-            figures["held_out_agreement"] = normalised_mutual_information(*pair)
+            figures["agreement"] = normalised_mutual_information(*pair)
         return figures
 
     def tensors(self) -> dict[str, Tensor]:
@@ -167,69 +172,6 @@ class ActionPhase:
 
     def _networks(self) -> dict[str, nn.Module]:
         return {"module": self.module, "judge": self.judge}
-
-
-def train_actions(
-    config: tuple[ActionConfig, ActionTrainingConfig],
-    data: tuple[ActionDataset, ActionDataset | None],
-    class_name: str,
-    output: str | Path,
-    minutes: float | None = None,
-    resume: bool = False,
-    on_log: Callable[[int, Log], None] | None = None,
-) -> ActionModule:
-    """Train the action module of one class and write OUTPUT/actions.safetensors.
-
-    Args:
-        config: The networks' and the training's configuration.
-        data: Encoded training sequences, and held-out ones or None.
-        class_name: The playable class; prefix of the weights' names.
-        output: Run folder.
-        minutes: Wall-clock limit; all schedules follow it.
-        resume: Go on from the run folder's checkpoint.
-        on_log: Called with the step and its figures.
-
-    Raises:
-        EpisodeError: No sequence of two or more states without jumps.
-    """
-    networks, training = config
-    kept = without_jumps(data[0], training.longest_move)
-    if len(kept) == 0 or kept.steps < 2:
-        raise EpisodeError(
-            f"actions need sequences of two states or more without steps of over "
-            f"{training.longest_move} m; {len(data[0])} of {data[0].steps} states were given"
-        )
-    phase = ActionPhase(networks, training, kept, data[1])
-    schedule = Schedule(
-        steps=training.steps,
-        minutes=minutes,
-        log_every=training.log_every,
-        evaluate_every=training.evaluate_every,
-        checkpoint_every=training.checkpoint_every,
-        seed=training.seed,
-    )
-    steps = run(phase, output, schedule, resume, on_log)
-    module = phase.module.eval()
-    header = actions_header(class_name, module, kept) | {"kind": "actions", "steps": steps}
-    header |= {"action_config": as_dict(networks), "action_training": as_dict(training)}
-    tensors = prefixed_actions(class_name, module)
-    save_checkpoint(Path(output) / "actions.safetensors", tensors, header)
-    return module
-
-
-def prefixed_actions(class_name: str, module: ActionModule) -> dict[str, Tensor]:
-    """An action module's weights under the names that model files use."""
-    return {f"actions.{class_name}.{name}": each for name, each in module.state_dict().items()}
-
-
-def actions_header(class_name: str, module: ActionModule, data: ActionDataset) -> dict[str, Any]:
-    """What a model file says about the actions of one class: names, movements, shares."""
-    found = describe_actions(module, data.sequences())
-    return {
-        "action_names": {class_name: [each.name for each in found]},
-        "action_movements": {class_name: [list(each.movement) for each in found]},
-        "action_shares": {class_name: [each.share for each in found]},
-    }
 
 
 def _adam(network: nn.Module, rate: float, betas: tuple[float, float]) -> torch.optim.Adam:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from pe_runtime.action.sequences import StateSequence
@@ -49,6 +49,21 @@ class ActionDataset:
         styles = self.styles[:, None].expand(-1, self.steps, -1)
         return StateSequence(self.positions, styles, self.poses, self.world_from_camera)
 
+    def first(self, count: int) -> "ActionDataset":
+        """The first so many of the sequences, or all."""
+        return self.pick(torch.arange(len(self), device=self.positions.device) < count)
+
+    def pick(self, keep: Bool[Tensor, " sequences"]) -> "ActionDataset":
+        """The sequences for which `keep` is true."""
+        true = self.true_actions
+        return ActionDataset(
+            self.positions[keep],
+            self.styles[keep],
+            self.poses[keep],
+            self.world_from_camera[keep],
+            None if true is None else true[keep.to(true.device)],
+        )
+
     def sample(self, generator: torch.Generator, batch: int, steps: int) -> StateSequence:
         """Draw windows of equal length, each from a random sequence at a random start.
 
@@ -76,14 +91,7 @@ def without_jumps(data: ActionDataset, longest: float) -> ActionDataset:
     Such jumps come from boxes that show only a part: behind another object, or at the rim.
     """
     steps = (data.positions[:, 1:] - data.positions[:, :-1]).norm(dim=-1)
-    keep = (steps <= longest).all(dim=1)
-    return ActionDataset(
-        data.positions[keep],
-        data.styles[keep],
-        data.poses[keep],
-        data.world_from_camera[keep],
-        None if data.true_actions is None else data.true_actions[keep.to(data.true_actions.device)],
-    )
+    return data.pick((steps <= longest).all(dim=1))
 
 
 def join(datasets: list[ActionDataset]) -> ActionDataset:

@@ -1,0 +1,75 @@
+import math
+
+import torch
+from synthetic_states import make_states
+
+from pe_runtime.action.description import describe_actions
+from pe_runtime.action.module import ActionModule
+from pe_runtime.action.sequences import StateSequence
+from pe_runtime.config import ActionConfig
+
+
+class Scripted(ActionModule):
+    """Says the actions it was given."""
+
+    def __init__(self, labels, actions):
+        super().__init__(ActionConfig(actions=actions, hidden=4, dynamics_width=4), 1, 1)
+        self.labels = labels
+
+    def infer(self, sequence):
+        return self.labels
+
+
+EIGHT = ["right", "forward-right", "forward", "forward-left", "left", "back-left", "back"]
+EIGHT += ["back-right"]
+
+
+def described(labels, moves, poses=None):
+    """Describe given labels of one sequence that makes the given movements."""
+    count = int(max(labels)) + 1
+    steps = torch.tensor([[x, y, 0.0] for x, y in moves])
+    positions = torch.cat([torch.zeros(1, 3), steps.cumsum(0)])[None]
+    time = positions.shape[1]
+    poses = torch.zeros(1, time, 2) if poses is None else poses
+    looks_along_y = torch.tensor([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+    sequence = StateSequence(
+        positions, torch.zeros(1, time, 1), poses, looks_along_y.expand(1, time, 3, 3)
+    )
+    return describe_actions(Scripted(torch.tensor([list(labels)]), count), sequence)
+
+
+def test_the_eight_directions_are_named():
+    angles = [k * math.pi / 4 for k in range(8)]
+    found = described(range(8), [(math.cos(a), math.sin(a)) for a in angles])
+    assert [each.name for each in found] == EIGHT
+
+
+def test_names_are_unique_and_shares_sum_to_one():
+    found = described([0, 1, 2, 2], [(-1, 0), (-0.8, 0.1), (0, 0), (0, 0)])
+    assert [each.name for each in found] == ["left", "left-2", "idle"]
+    assert [each.share for each in found] == [0.25, 0.25, 0.5]
+    assert math.isclose(found[0].movement[0], -1.0, rel_tol=1e-6)
+
+
+def test_a_standing_action_with_another_pose_is_a_gesture():
+    poses = torch.zeros(1, 5, 2)
+    poses[0, 4] = 5.0
+    found = described([0, 0, 1, 2], [(1, 0), (1, 0), (0, 0), (0.01, 0)], poses)
+    assert [each.name for each in found] == ["right", "idle", "gesture"]
+
+
+def test_an_action_never_taken_is_unused():
+    found = described([0, 3], [(1, 0), (0, 1)])
+    assert [each.name for each in found] == ["right", "unused", "unused-2", "forward"]
+    assert found[1].share == 0.0
+
+
+def test_a_sequence_without_any_movement_is_idle_throughout():
+    assert [each.name for each in described([0, 0], [(0, 0), (0, 0)])] == ["idle"]
+
+
+def test_noise_of_the_synthetic_states_does_not_change_the_names():
+    states = make_states(40)
+    found = describe_actions(Scripted(states.true_actions, 6), states.dataset.sequences())
+    names = [each.name for each in found]
+    assert names == ["idle", "left", "right", "forward", "back", "gesture"]
