@@ -1,6 +1,7 @@
 """The command line as its user meets it: exit codes, one line on stderr, results on stdout."""
 
 import json
+import os
 import subprocess
 import sys
 import zipfile
@@ -272,6 +273,26 @@ def test_the_bundled_contract_runs_without_the_rest_of_the_runtime(capsys, tmp_p
     program = f"import sys; sys.path.insert(0, sys.argv[1]); {code}"
     done = subprocess.run([sys.executable, "-c", program, str(wheel)], cwd=tmp_path)
     assert done.returncode == 0
+
+
+@pytest.mark.blender
+@pytest.mark.slow
+def test_blender_installs_the_extension_and_registers_its_operators(capsys, tmp_path):
+    made = result(capsys, "extension", "build", "-o", tmp_path)
+    assert made["validated"]
+    program = (
+        "import sys, bpy, addon_utils\n"
+        "bpy.ops.extensions.package_install_files("
+        "filepath=sys.argv[1], repo='user_default', enable_on_install=True)\n"
+        "module = 'bl_ext.user_default.playable_environments'\n"
+        "assert addon_utils.check(module) == (True, True)\n"
+        "assert bpy.ops.playable.bake_paths.idname() == 'PLAYABLE_OT_bake_paths'\n"
+    )
+    command = [sys.executable, "-c", program, made["file"]]
+    # Must be in place before bpy is imported: else it installs into the user's own Blender.
+    resources = os.environ | {"BLENDER_USER_RESOURCES": str(tmp_path / "blender")}
+    done = subprocess.run(command, cwd=tmp_path, env=resources, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_the_worker_command_serves_the_wire():

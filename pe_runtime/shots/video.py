@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import cv2
+import numpy as np
 
-from pe_runtime.images import ImageError
+from pe_runtime.images import ImageError, read_image, to_uint8
 
 
 def write_video(frames: Sequence[Path], fps: float, output: str | Path) -> None:
@@ -15,25 +16,35 @@ def write_video(frames: Sequence[Path], fps: float, output: str | Path) -> None:
         ImageError: A frame is missing or of another size, or the file cannot be written.
     """
     unfinished = Path(output).with_name(f".{Path(output).stem}.part.mp4")
-    writer, size = None, None
+    if not frames:
+        raise ImageError(f"{output}: there are no frames to join")
     try:
+        _join(frames, fps, unfinished)
+        unfinished.replace(output)
+    finally:
+        unfinished.unlink(missing_ok=True)
+
+
+def _join(frames: Sequence[Path], fps: float, output: Path) -> None:
+    # The codec halves the resolution of its colours, so it has no odd sizes.
+    first = _read(frames[0])
+    height, width = (extent // 2 * 2 for extent in first.shape[:2])
+    writer = cv2.VideoWriter(str(output), cv2.VideoWriter.fourcc(*"mp4v"), fps, (width, height))
+    try:
+        if not writer.isOpened():
+            raise ImageError(f"{output.parent}: cannot write a video of {width}x{height} there")
         for path in frames:
-            picture = cv2.imread(str(path))
-            if picture is None:
-                raise ImageError(f"{path}: cannot be read; render it again")
-            # The codec halves its colours, so it has no odd sizes.
-            height, width = (extent // 2 * 2 for extent in picture.shape[:2])
-            if writer is None:
-                size = (width, height)
-                writer = cv2.VideoWriter(
-                    str(unfinished), cv2.VideoWriter.fourcc(*"mp4v"), fps, size
+            picture = _read(path)
+            if picture.shape != first.shape:
+                raise ImageError(
+                    f"{path}: expected the size of {frames[0]}, {first.shape[1]}x{first.shape[0]}, "
+                    f"found {picture.shape[1]}x{picture.shape[0]}; render it again"
                 )
-            if (width, height) != size or not writer.isOpened():
-                raise ImageError(f"{output}: cannot write {path} ({width}x{height}) into a video")
             writer.write(picture[:height, :width])
     finally:
-        if writer is not None:
-            writer.release()
-    if writer is None:
-        raise ImageError(f"{output}: there are no frames to join")
-    unfinished.replace(output)
+        writer.release()
+
+
+def _read(path: Path) -> np.ndarray:
+    """Pixels in OpenCV's order, blue first."""
+    return to_uint8(read_image(path))[..., ::-1]
