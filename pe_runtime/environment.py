@@ -185,7 +185,7 @@ class PlayableEnvironment:
         """
         remembered = dict(memory.objects) if memory is not None else {}
         objects = dict(state.objects)
-        rotation = torch.from_numpy(camera.world_from_camera[:3, :3]).float()[None].to(self.device)
+        rotation = torch.tensor(camera.world_from_camera[:3, :3]).float()[None].to(self.device)
         for name, action in actions.items():
             module = self._module(name, action)
             acting = torch.tensor([action], device=self.device)

@@ -72,7 +72,11 @@ class SynthesisPhase:
         loss.backward()
         norm = torch.nn.utils.clip_grad_norm_(self.networks.parameters(), config.clip)
         self.optimiser.step()
-        return logs | {"loss": float(loss.detach()), "gradient": float(norm), "rate": self.rates[0] * share}
+        return logs | {
+            "loss": float(loss.detach()),
+            "gradient": float(norm),
+            "rate": self.rates[0] * share,
+        }
 
     def _sample(self) -> FrameBatch:
         """Some frames of some sequences; frames of a sequence stay neighbours in the batch."""

@@ -1,0 +1,100 @@
+"""From a trained synthesis module to a whole model: actions learnt, named and stored with it."""
+
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from pe_runtime.action.description import describe_actions
+from pe_runtime.action.module import ActionModule
+from pe_runtime.checkpoint import load_checkpoint, save_checkpoint
+from pe_runtime.config import ModelConfig, as_dict, from_dict
+from pe_runtime.contract.errors import ConfigError
+from pe_runtime.dataset import Clips
+from pe_runtime.networks import SynthesisNetworks
+from pe_runtime.training.action_config import ActionTrainingConfig
+from pe_runtime.training.action_phase import ActionPhase
+from pe_runtime.training.encoded_clips import encode_clips
+from pe_runtime.training.loop import Log, Schedule, run
+from pe_runtime.training.synthesis_phase import load_synthesis, prefixed
+
+
+def train_model_actions(
+    synthesis: str | Path,
+    clips: Clips,
+    training: ActionTrainingConfig,
+    output: str | Path,
+    resume: bool = False,
+    on_log: Callable[[int, Log], None] | None = None,
+) -> Path:
+    """Learn the actions of every playable class and write OUTPUT/model.safetensors.
+
+    Args:
+        synthesis: Trained synthesis module, or a model whose actions are learnt anew.
+        clips: The recorded sequences.
+        training: Schedule and losses.
+        output: Run folder; each class gets a folder of its own in it.
+        resume: Go on from the run folder's checkpoints.
+        on_log: Called with the step and its figures.
+
+    Returns:
+        The model's file.
+
+    Raises:
+        ConfigError: The model has no playable class.
+    """
+    header, tensors = load_checkpoint(synthesis)
+    config = from_dict(ModelConfig, header["config"], f"configuration of {synthesis}")
+    device = "cuda" if torch.cuda.is_available() else "cpu"
+    networks = SynthesisNetworks(config).to(device)
+    load_synthesis(networks, tensors)
+    playable = [name for name, each in config.classes.items() if each.kind == "playable"]
+    if not playable:
+        raise ConfigError(f"{synthesis} has no playable class; there are no actions to learn")
+    modules: dict[str, ActionModule] = {}
+    described: dict[str, list[dict[str, Any]]] = {}
+    for name in playable:
+        dataset = encode_clips(networks, clips, name)
+        phase = ActionPhase(dataset, config.action, training)
+        schedule = Schedule(
+            steps=training.steps,
+            log_every=training.log_every,
+            evaluate_every=training.log_every,
+            checkpoint_every=training.checkpoint_every,
+            seed=training.seed,
+        )
+        run(phase, Path(output) / name, schedule, resume, on_log)
+        modules[name] = phase.module.eval()
+        described[name] = [asdict(d) for d in describe_actions(modules[name], dataset.sequences())]
+    path = Path(output) / "model.safetensors"
+    facts = {
+        "training": {"synthesis_steps": header.get("steps"), "actions": asdict(training)},
+        "actions": described,
+        "action_names": {n: [d["name"] for d in each] for n, each in described.items()},
+    }
+    write_model(path, config, networks, modules, facts)
+    return path
+
+
+def write_model(
+    path: str | Path,
+    config: ModelConfig,
+    networks: SynthesisNetworks,
+    modules: dict[str, ActionModule],
+    facts: dict[str, Any],
+) -> None:
+    """Store all networks of a model in one file that `PlayableEnvironment.load` reads.
+
+    Args:
+        path: Where to.
+        config: The environment.
+        networks: Its synthesis module.
+        modules: Action module of each playable class.
+        facts: Further facts for the header; `action_names` is what users see.
+    """
+    tensors = prefixed(networks)
+    for name, module in modules.items():
+        tensors |= {f"actions.{name}.{key}": t for key, t in module.state_dict().items()}
+    save_checkpoint(path, tensors, {"kind": "model", "config": as_dict(config), **facts})
