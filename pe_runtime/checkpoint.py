@@ -2,7 +2,6 @@
 
 import json
 import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -31,11 +30,12 @@ def save_checkpoint(
     path.parent.mkdir(parents=True, exist_ok=True)
     metadata = {KEY: json.dumps({"format": FORMAT, **header}, sort_keys=True)}
     data = save({n: t.detach().cpu().contiguous() for n, t in tensors.items()}, metadata)
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as part:
-        part.write(data)
-        part.flush()
-        os.fsync(part.fileno())
-    Path(part.name).replace(path)
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    with part.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    part.replace(path)
 
 
 def load_checkpoint(

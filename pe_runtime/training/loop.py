@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import torch
 from torch import Tensor
@@ -31,6 +31,7 @@ class TrainingError(PlayableEnvironmentError):
     """Training cannot go on: the loss is not finite, or a run folder is in the way."""
 
 
+@runtime_checkable
 class Phase(Protocol):
     """What the loop trains."""
 
