@@ -32,6 +32,7 @@ class TrainingError(PlayableEnvironmentError):
 
 
 @runtime_checkable
+@runtime_checkable
 class Phase(Protocol):
     """What the loop trains."""
 
