@@ -113,7 +113,7 @@ class PlayableEnvironment:
             raise CheckpointError(
                 f"{model} is the state of a training run, not a model; use its model.safetensors"
             )
-        config = from_dict(ModelConfig, header["config"], f"configuration of {model}")
+        config = from_dict(ModelConfig, header.get("config"), f"configuration of {model}")
         networks = SynthesisNetworks(config).to(device)
         _load(networks, tensors, "synthesis.", "the synthesis module")
         actions = {}
@@ -148,7 +148,8 @@ class PlayableEnvironment:
             raise ConfigError(f"box for {unknown[0]!r}, but the playable objects are: {known}")
         width = self.config.width
         height = max(1, round(image.shape[0] * width / image.shape[1]))
-        picture = torch.from_numpy(np.ascontiguousarray(image, np.float32)).permute(2, 0, 1)[None]
+        # A copy: pictures may be read-only, as those that come from a file's or a pipe's bytes.
+        picture = torch.from_numpy(np.array(image, np.float32, order="C")).permute(2, 0, 1)[None]
         if picture.shape[-2:] != (height, width):
             picture = torch.nn.functional.interpolate(
                 picture, (height, width), mode="bilinear", antialias=True

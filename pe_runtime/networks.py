@@ -201,7 +201,9 @@ class SynthesisNetworks(nn.Module):
             sRGB picture in [0, 1], and the counters of the composition.
         """
         coarsest = self.config.feature_renderer.strides[-1]
-        size = tuple(-(-extent // coarsest) * coarsest for extent in (camera.height, camera.width))
+        # F reflects its borders, for which the coarsest map needs two rows and two columns.
+        cells = [max(2, -(-extent // coarsest)) for extent in (camera.height, camera.width)]
+        size = (cells[0] * coarsest, cells[1] * coarsest)
         objects, features = self.scene(codes), []
         statistics: dict[str, int] = {}
         for stride, channels in zip(
