@@ -193,7 +193,7 @@ def small_clips(count=2, frames=4, width=40, height=24, players=2, seed=0):
     for clip in range(count):
         shades = rng.random((players, 3)).astype(np.float32)
         for time in range(frames):
-            view = camera(0.1 * time - 0.2 * clip, width=width, rows=height)
+            view = camera(0.1 * time - 0.25 * clip, width=width, rows=height)
             positions[clip, time, :, 0] = np.linspace(-0.9, 0.9, players) + 0.1 * time
             picture = picture_of(positions[clip, time], view, shades)
             images[clip, time] = np.round(picture * 255)

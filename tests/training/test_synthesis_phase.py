@@ -1,0 +1,267 @@
+import json
+import os
+import signal
+from dataclasses import replace
+
+import pytest
+import torch
+from small_world import small_clips, small_config, small_training
+
+from pe_runtime.checkpoint import load_checkpoint, save_checkpoint
+from pe_runtime.contract.errors import CheckpointError
+from pe_runtime.networks import SynthesisNetworks
+from pe_runtime.training.loop import METRICS, Schedule, run
+from pe_runtime.training.synthesis_phase import (
+    SynthesisPhase,
+    load_synthesis,
+    prefixed,
+    train_synthesis,
+)
+
+CLIPS = small_clips()
+NAN = float("nan")
+
+
+def phase(clips=CLIPS, seed=0, model=None, held_out=None, **training):
+    torch.manual_seed(seed)
+    networks = SynthesisNetworks(model or small_config(width=40, height=24))
+    return SynthesisPhase(networks, clips, held_out, small_training(**training))
+
+
+def steps(trained, count, start=0):
+    logs = []
+    for step in range(start, start + count):
+        torch.manual_seed(step)
+        logs.append(trained.step(step / trained.config.steps))
+    return logs
+
+
+def test_thirty_steps_lower_the_loss():
+    losses = [log["loss"] for log in steps(phase(learning_rate=5e-3), 30)]
+    assert sum(losses[-5:]) < 0.8 * sum(losses[:5])
+
+
+@pytest.mark.parametrize("shared", [False, True])
+def test_every_parameter_gets_a_gradient_within_a_few_steps(shared):
+    encoder = replace(small_config().classes["player"].encoder, shared_trunk=shared)
+    trained = phase(model=small_config(width=40, height=24, encoder=encoder), player_patches=1.0)
+    waiting = dict(trained.networks.named_parameters())
+    for step in range(6):
+        steps(trained, 1, step)
+        reached = [n for n, p in waiting.items() if p.grad is not None and p.grad.any()]
+        for name in reached:
+            del waiting[name]
+    # The raw density and colour of a sky or a ground are infinite and modulated: no exceptions.
+    assert not waiting
+
+
+def test_the_first_step_warms_up_and_the_figures_are_finite():
+    logs = steps(phase(), 3)
+    assert logs[0]["rate"] < logs[2]["rate"]
+    wanted = {"loss", "gradient", "rate", "psnr_patch", "perceptual"}
+    assert wanted <= set(logs[0])
+    assert all(torch.isfinite(torch.tensor(list(log.values()))).all() for log in logs)
+
+
+@pytest.mark.parametrize("bfloat16", [False, True])
+def test_a_step_in_either_precision_changes_the_weights(bfloat16):
+    trained = phase(bfloat16=bfloat16)
+    before = {n: p.detach().clone() for n, p in trained.networks.named_parameters()}
+    steps(trained, 3)
+    changed = [n for n, p in trained.networks.named_parameters() if not torch.equal(before[n], p)]
+    assert len(changed) > 0.9 * len(before)
+
+
+def without_boxes(which):
+    boxes = CLIPS.boxes.clone()
+    boxes[which] = NAN
+    return replace(CLIPS, boxes=boxes)
+
+
+@pytest.mark.parametrize(
+    "which",
+    [(slice(None),), (slice(None), slice(None), 0), (0,), (slice(None), 1)],
+    ids=["nobody ever", "only one player", "nobody in one sequence", "nobody at one time"],
+)
+def test_frames_without_players_train(which):
+    logs = steps(phase(without_boxes(which)), 3)
+    assert all(log["gradient"] > 0 for log in logs)
+
+
+def test_a_patch_that_no_ray_of_a_player_hits_trains(monkeypatch):
+    trained = phase()
+    corner = torch.zeros(4, 2, dtype=torch.long)
+    corner[:, 1] = 24
+    far = CLIPS.boxes.clone()
+    far[..., [0, 2]] = torch.tensor([0.0, 2.0])
+    far[..., [1, 3]] = torch.tensor([10.0, 22.0])
+    trained.clips = replace(CLIPS, boxes=far)
+    monkeypatch.setattr(trained, "_windows", lambda batch: corner)
+    seen = []
+    synthesise = trained.networks.synthesise
+    monkeypatch.setattr(
+        trained.networks,
+        "synthesise",
+        lambda cameras, codes, *rest: (
+            seen.append(all(bool(codes[f"player_{i}"].visible.all()) for i in (1, 2)))
+            or synthesise(cameras, codes, *rest)
+        ),
+    )
+    (log,) = steps(trained, 1)
+    assert seen == [True], "the players are in the scene, only not in the patch"
+    assert log["gradient"] > 0
+    density = trained.networks.fields["player"].density.weight.grad
+    assert density is None or not density.any()
+
+
+def test_an_environment_without_players_trains():
+    trained = phase(small_clips(players=0), model=small_config(0, width=40, height=24))
+    assert all(log["gradient"] > 0 for log in steps(trained, 2))
+
+
+def codes_before_and_after(monkeypatch, **training):
+    trained = phase(**training)
+    encode, synthesise, caught = trained.networks.encode, trained.networks.synthesise, {}
+
+    def watch_encode(*arguments):
+        caught["before"] = encode(*arguments)
+        return caught["before"]
+
+    def watch_synthesise(cameras, codes, *rest):
+        caught["after"] = codes
+        return synthesise(cameras, codes, *rest)
+
+    monkeypatch.setattr(trained.networks, "encode", watch_encode)
+    monkeypatch.setattr(trained.networks, "synthesise", watch_synthesise)
+    steps(trained, 1)
+    return caught["before"], caught["after"]
+
+
+def test_styles_are_permuted_within_their_sequence_and_poses_stay(monkeypatch):
+    before, after = codes_before_and_after(monkeypatch, sequences=2, frames=3)
+    for name, codes in before.items():
+        assert torch.equal(after[name].pose, codes.pose)
+        assert torch.equal(after[name].position, codes.position)
+        styles, moved = codes.style.unflatten(0, (2, 3)), after[name].style.unflatten(0, (2, 3))
+        for sequence in range(2):
+            assert torch.equal(moved[sequence], styles[sequence][[2, 0, 1]])
+        assert not torch.equal(moved, styles)
+
+
+def test_styles_stay_where_permutation_is_switched_off(monkeypatch):
+    before, after = codes_before_and_after(monkeypatch, permute_style=False)
+    assert all(torch.equal(after[name].style, codes.style) for name, codes in before.items())
+
+
+def test_frames_of_a_batch_are_neighbours_of_one_sequence_and_all_different():
+    trained = phase(sequences=3, frames=4)
+    torch.manual_seed(0)
+    batch = trained._sample()
+    numbered = CLIPS.world_from_camera.reshape(-1, 4, 4)
+    rows = [
+        int((numbered == pose).all(dim=(1, 2)).nonzero()[0])
+        for pose in batch.cameras.world_from_camera
+    ]
+    length = CLIPS.images.shape[1]
+    for start in range(0, 12, 4):
+        sequence = rows[start : start + 4]
+        assert len({row // length for row in sequence}) == 1
+        assert len(set(sequence)) == 4
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_patches_lie_in_the_picture_on_the_coarsest_grid(share):
+    trained = phase(player_patches=share, sequences=8)
+    torch.manual_seed(0)
+    windows = torch.cat([trained._windows(trained._sample()) for _ in range(10)])
+    assert not (windows % 4).any()
+    assert (windows >= 0).all()
+    assert windows[:, 0].max() <= 24 - 16 and windows[:, 1].max() <= 40 - 16
+    assert len(windows.unique(dim=0)) > 4
+
+
+def test_patches_around_players_contain_their_middles():
+    trained = phase(player_patches=1.0, patch_height=24, patch_width=16)
+    torch.manual_seed(0)
+    batch = trained._sample()
+    for boxes, (_, left) in zip(batch.boxes, trained._windows(batch).tolist(), strict=True):
+        middles = (boxes[:, 0] + boxes[:, 2]) / 2
+        assert ((middles > left - 4) & (middles < left + 20)).any()
+
+
+def test_an_interrupted_and_resumed_run_equals_an_uninterrupted_one_to_the_bit(tmp_path):
+    schedule = Schedule(steps=6, log_every=1, checkpoint_every=100, seed=3)
+    whole = phase(steps=6)
+    run(whole, tmp_path / "whole", schedule)
+    parts = phase(steps=6)
+
+    def interrupt(step, _):
+        if step == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    assert run(parts, tmp_path / "parts", schedule, on_log=interrupt) == 3
+    resumed = phase(steps=6, seed=99)
+    run(resumed, tmp_path / "parts", schedule, resume=True)
+    wanted, found = whole.tensors(), resumed.tensors()
+    assert wanted.keys() == found.keys()
+    assert [n for n in wanted if not torch.equal(wanted[n], found[n])] == []
+
+
+def test_measurements_say_how_good_whole_frames_and_player_boxes_are():
+    figures = phase(held_out=CLIPS).evaluate()
+    assert set(figures) == {"psnr", "psnr_box", "psnr_box_other_pose"}
+    assert all(0 < value < 60 for value in figures.values())
+    assert phase(held_out=None).evaluate() == {}
+
+
+def test_measuring_changes_neither_weights_nor_running_means():
+    trained = phase(held_out=CLIPS)
+    before = {n: t.clone() for n, t in trained.tensors().items()}
+    trained.evaluate()
+    assert all(torch.equal(before[n], t) for n, t in trained.tensors().items())
+
+
+def test_frames_without_players_are_measured_without_their_boxes():
+    assert set(phase(held_out=without_boxes((slice(None),))).evaluate()) == {"psnr"}
+
+
+def test_a_whole_training_writes_its_model_its_settings_and_its_metrics(tmp_path):
+    config, told = small_config(width=40, height=24), []
+    networks = train_synthesis(
+        (config, small_training(steps=3)),
+        (CLIPS, None),
+        tmp_path,
+        on_log=lambda step, figures: told.append(step),
+    )
+    assert told == [3]
+    assert (tmp_path / METRICS).exists()
+    settings = json.loads((tmp_path / "config.json").read_text())
+    assert settings["synthesis"]["steps"] == 3
+    header, tensors = load_checkpoint(tmp_path / "synthesis.safetensors")
+    assert (header["kind"], header["steps"]) == ("synthesis", 3)
+    again = SynthesisNetworks(config)
+    load_synthesis(again, tensors)
+    assert all(
+        torch.equal(a, b)
+        for a, b in zip(again.state_dict().values(), networks.state_dict().values(), strict=True)
+    )
+
+
+def test_training_can_start_from_another_model_s_weights(tmp_path):
+    config = small_config(width=40, height=24)
+    torch.manual_seed(5)
+    source = SynthesisNetworks(config)
+    save_checkpoint(tmp_path / "start.safetensors", prefixed(source), {"kind": "synthesis"})
+    settings = (config, small_training(steps=0))
+    started = train_synthesis(
+        settings, (CLIPS, None), tmp_path / "run", start_from=tmp_path / "start.safetensors"
+    )
+    assert torch.equal(
+        started.fields["player"].output.weight, source.fields["player"].output.weight
+    )
+
+
+def test_weights_of_another_architecture_are_refused():
+    other = SynthesisNetworks(small_config(style_features=9))
+    with pytest.raises(CheckpointError, match="misshapen"):
+        load_synthesis(SynthesisNetworks(small_config()), prefixed(other))
