@@ -9,6 +9,7 @@ output folder gets frames/, demo.blend, demo.mp4 and blender_report.json.
 import argparse
 import dataclasses
 import json
+import os
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -200,23 +201,31 @@ def _key_camera(scene: bpy.types.Scene, spec: DemoSpec) -> None:
             holder.keyframe_insert(channel, frame=frame)
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """Film the spec and write the report; exits with one message if that fails."""
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Film the spec and write the report; returns the exit code, 1 after one clear message."""
     parser = argparse.ArgumentParser(prog="blender_addon.demo_scene", description=__doc__)
     parser.add_argument("--spec", type=Path, required=True)
     spec_path = parser.parse_args(arguments).spec
     try:
         spec = read_spec(spec_path)
-        report = film(spec)
+        _write_report(Path(spec.out) / "blender_report.json", film(spec))
     except (PlayableEnvironmentError, RuntimeError) as error:
-        sys.exit(f"demo scene: {str(error).strip()}")
+        sys.stderr.write(f"demo scene: {str(error).strip()}\n")
+        return 1
     finally:
         session.close()
-    target = Path(spec.out) / "blender_report.json"
-    unfinished = target.with_suffix(".json.part")
+    return 0
+
+
+def _write_report(path: Path, report: dict[str, Any]) -> None:
+    unfinished = path.with_suffix(".json.part")
     unfinished.write_text(json.dumps(report, indent=1))
-    unfinished.replace(target)
+    unfinished.replace(path)
 
 
 if __name__ == "__main__":
-    main()
+    code = main()
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # Blender 4.5 as a module can wait for ever in its own exit handlers.
+    os._exit(code)
