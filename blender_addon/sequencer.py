@@ -85,10 +85,16 @@ def place_strip(edit: bpy.types.Scene, plan: StripPlan) -> bpy.types.Strip:
     return strip
 
 
+def span(strip: bpy.types.Strip) -> tuple[int, int]:
+    """The first timeline frame that a strip covers, and how many it covers."""
+    if _has_new_names(strip):
+        return strip.left_handle, strip.duration
+    return strip.frame_final_start, strip.frame_final_duration
+
+
 def _free_channel(strips: Iterable[bpy.types.Strip], start: int, end: int) -> int:
-    taken = {
-        each.channel for each in strips if _left(each) < end and _left(each) + _length(each) > start
-    }
+    spans = [(each.channel, *span(each)) for each in strips]
+    taken = {channel for channel, first, frames in spans if first < end and first + frames > start}
     for channel in range(1, LAST_CHANNEL + 1):
         if channel not in taken:
             return channel
@@ -111,19 +117,9 @@ def _fill(strip: bpy.types.Strip, plan: StripPlan) -> None:
     strip.invalidate_cache("RAW")
 
 
-# Blender 5.2 renames the handles and warns about the old names; each name is asked for once here.
-
-
 def _has_new_names(strip: bpy.types.Strip) -> bool:
+    # Blender 5.2 renames a strip's handles and warns about the old names.
     return "content_start" in strip.bl_rna.properties
-
-
-def _left(strip: bpy.types.Strip) -> int:
-    return strip.left_handle if _has_new_names(strip) else strip.frame_final_start
-
-
-def _length(strip: bpy.types.Strip) -> int:
-    return strip.duration if _has_new_names(strip) else strip.frame_final_duration
 
 
 def _set_range(strip: bpy.types.Strip, start: int, length: int) -> None:

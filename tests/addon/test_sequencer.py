@@ -10,7 +10,7 @@ bpy = pytest.importorskip("bpy")
 from blender_addon import playables  # noqa: E402 - after the check for Blender
 from blender_addon.range_render import job_for, lent_settings  # noqa: E402
 from blender_addon.scene_bridge import playable_objects  # noqa: E402
-from blender_addon.sequencer import JOB_KEY, StripPlan, place_strip, write_video  # noqa: E402
+from blender_addon.sequencer import JOB_KEY, StripPlan, place_strip, span, write_video  # noqa: E402
 from pe_runtime.contract.errors import ShotError  # noqa: E402
 
 pytestmark = pytest.mark.blender
@@ -64,7 +64,7 @@ def test_the_range_becomes_files_and_one_strip_in_the_edit_scene(baked, tmp_path
     assert [file.name for file in files] == [f"frame_{n:04d}.png" for n in range(1, 5)]
     (strip,) = strips_of(baked)
     assert [element.filename for element in strip.elements] == [file.name for file in files]
-    assert (strip.frame_final_start, strip.frame_final_duration) == (1, 4)
+    assert span(strip) == (1, 4)
     assert strip.colorspace_settings.name == "sRGB"
     edit = baked.playable_environment.edit_scene
     assert edit != baked and edit.name == f"{baked.name} Edit"
@@ -93,7 +93,7 @@ def test_repeating_replaces_the_strip_in_place_and_shows_the_new_pixels(baked, t
     bpy.ops.playable.render_to_sequencer(folder=folder)
     (again,) = strips_of(baked)
     assert (again.name, again.channel) == ("renamed by the artist", 7)
-    assert len(again.elements) == again.frame_final_duration == 5
+    assert (len(again.elements), span(again)) == (5, (1, 5))
     second = cut_frame(edit, 4, tmp_path / "second.png")
     assert not np.array_equal(first, second)
     assert np.array_equal(second, read_png(tmp_path / "frames" / "frame_0004.png"))
@@ -103,7 +103,7 @@ def test_a_shorter_range_shortens_the_strip(edit, tmp_path):
     files = numbered_files(tmp_path, 6)
     place_strip(edit, StripPlan("job", "film", files, 1))
     strip = place_strip(edit, StripPlan("job", "film", files[:2], 10))
-    assert (strip.frame_final_start, strip.frame_final_duration) == (10, 2)
+    assert span(strip) == (10, 2)
     assert [element.filename for element in strip.elements] == ["a_0.png", "a_1.png"]
     assert len(edit.sequence_editor.strips) == 1
 
