@@ -55,7 +55,12 @@ class Step:
 
 
 class DynamicsNetwork(nn.Module):
-    """R: LSTM layers, then heads for movement and pose (and style when configured).
+    """R: LSTM layers, then heads for movement and pose.
+
+    A style is constant along a sequence: R hands it on and does not look at it, so changing an
+    object's style never changes its path. (Seen, it would also tell the training sequences apart
+    and invite R to learn them by heart.) With `predict_style` R reads and predicts it as well, as
+    in the paper.
 
     Everything it predicts comes from LSTM outputs, which lie in (-1, 1), or from the action, so
     however long a rollout is, movement and pose stay bounded. Positions enter through tanh for the
@@ -66,7 +71,8 @@ class DynamicsNetwork(nn.Module):
         super().__init__()
         self.config = config
         width, layers = config.dynamics_width, config.dynamics_layers
-        features = 3 + style_features + pose_features + config.actions + config.variability
+        seen = pose_features + (style_features if config.predict_style else 0)
+        features = 3 + seen + config.actions + config.variability
         widths = [features] + [width] * (layers - 1)
         self.cells = nn.ModuleList(nn.LSTMCell(each, width) for each in widths)
         self.initial_hidden = nn.Parameter(torch.zeros(layers, width))
@@ -94,8 +100,8 @@ class DynamicsNetwork(nn.Module):
             memory: From the step before, or `initial_memory`.
         """
         position = torch.tanh(state.position / self.position_scale)
-        codes = [state.style, state.pose, control.action, control.variability]
-        features = torch.cat([position, *codes], dim=-1)
+        codes = [state.pose] if self.style is None else [state.style, state.pose]
+        features = torch.cat([position, *codes, control.action, control.variability], dim=-1)
         hidden, memory = self._remember(features, memory)
         movement = self.movement(hidden) + self.direct_movement(control.action)
         movement = self.config.movement_scale * movement

@@ -85,6 +85,15 @@ def test_every_parameter_gets_a_gradient(predict_style):
     assert not without
 
 
+def test_restyling_changes_neither_path_nor_pose(network):
+    start = state(2)
+    restyled = PlayerState(start.position, start.style + 1.0, start.pose)
+    first, _ = roll(network, start, [0, 1, 2])
+    other, _ = roll(network, restyled, [0, 1, 2])
+    assert torch.equal(first[-1].position, other[-1].position)
+    assert torch.equal(first[-1].pose, other[-1].pose)
+
+
 def test_ten_thousand_steps_stay_finite_and_poses_stay_small(network):
     with torch.no_grad():
         given, memory, now = control(1), network.initial_memory(1), state(1)

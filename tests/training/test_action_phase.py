@@ -1,0 +1,137 @@
+import dataclasses
+
+import pytest
+import torch
+from synthetic_states import make_states
+
+from pe_runtime.action.description import describe_actions
+from pe_runtime.config import ActionConfig
+from pe_runtime.contract.errors import CheckpointError, EpisodeError
+from pe_runtime.training.action_config import ActionTrainingConfig
+from pe_runtime.training.action_phase import ActionPhase
+from pe_runtime.training.loop import Schedule, run
+
+SMALL = ActionConfig(actions=6, hidden=16, dynamics_width=16, discriminator_width=8)
+QUICK = ActionTrainingConfig(batch=8, shortest=3, longest=6)
+
+
+@pytest.fixture(scope="module")
+def data():
+    return make_states(12, steps=6).dataset
+
+
+def train(phase, output, steps, resume=False):
+    logged = []
+    rhythm = {"log_every": 2, "evaluate_every": 4, "checkpoint_every": 3}
+    run(phase, output, Schedule(steps, **rhythm), resume, lambda _, figures: logged.append(figures))
+    return logged
+
+
+def test_every_parameter_of_both_sides_changes(data):
+    phase = ActionPhase(data, SMALL, QUICK)
+    before = {name: each.clone() for name, each in phase.tensors().items()}
+    torch.manual_seed(0)
+    for progress in (0.1, 0.5):
+        phase.step(progress)
+    names = [n for n, _ in phase.module.named_parameters()]
+    judged = [f"judge.{n}" for n, _ in phase.judge.named_parameters()]
+    after = phase.tensors()
+    same = [n for n in [f"module.{n}" for n in names] + judged if before[n].equal(after[n])]
+    assert not same
+
+
+def test_a_resumed_training_equals_an_uninterrupted_one(data, tmp_path):
+    whole, half, rest = (ActionPhase(data, SMALL, QUICK) for _ in range(3))
+    train(whole, tmp_path / "whole", 8)
+    schedule = Schedule(8, checkpoint_every=5)
+    with pytest.raises(InterruptedError):
+        run(Breaking(half, at=5), tmp_path / "parts", schedule)
+    train(rest, tmp_path / "parts", 8, resume=True)
+    expected = whole.tensors()
+    found = rest.tensors()
+    assert expected.keys() == found.keys()
+    assert not [name for name in expected if not expected[name].equal(found[name])]
+
+
+class Breaking:
+    """A phase whose machine fails at some step."""
+
+    def __init__(self, phase, at):
+        self.phase, self.left = phase, at
+
+    def step(self, progress):
+        if self.left == 0:
+            raise InterruptedError
+        self.left -= 1
+        return self.phase.step(progress)
+
+    def __getattr__(self, name):
+        return getattr(self.phase, name)
+
+
+def test_two_seeds_differ_and_one_seed_repeats(data, tmp_path):
+    phases = [ActionPhase(data, SMALL, dataclasses.replace(QUICK, seed=seed)) for seed in (0, 0, 1)]
+    for number, phase in enumerate(phases):
+        run(phase, tmp_path / str(number), Schedule(3, seed=phase.training.seed))
+    weights = [phase.module.dynamics.pose.weight for phase in phases]
+    assert torch.equal(weights[0], weights[1])
+    assert not torch.equal(weights[0], weights[2])
+
+
+def test_log_lines_hold_losses_and_measurements(data, tmp_path):
+    logged = train(ActionPhase(data, SMALL, QUICK, held_out=data), tmp_path, 4)
+    assert {"position", "pose", "action", "movement", "adversarial"} <= logged[0].keys()
+    assert {"rollout_distance", "unexplained_movement", "agreement"} <= logged[-1].keys()
+
+
+def test_without_true_actions_there_is_no_agreement(data):
+    unknown = dataclasses.replace(data, true_actions=None)
+    assert "agreement" not in ActionPhase(unknown, SMALL, QUICK).evaluate()
+
+
+def test_a_snapshot_of_other_sizes_is_refused(data):
+    stored = ActionPhase(data, SMALL, QUICK).tensors()
+    wider = dataclasses.replace(SMALL, dynamics_width=20)
+    with pytest.raises(CheckpointError, match="dynamics"):
+        ActionPhase(data, wider, QUICK).restore(stored)
+
+
+@pytest.mark.parametrize("steps", [1, 2])
+def test_the_shortest_sequences_train_or_are_refused(steps):
+    data = make_states(4, steps=steps).dataset
+    if steps == 1:
+        with pytest.raises(EpisodeError, match="2 states"):
+            ActionPhase(data, SMALL, QUICK)
+    else:
+        figures = ActionPhase(data, SMALL, QUICK).step(0.0)
+        assert all(value == value for value in figures.values())
+
+
+def test_data_of_jumps_only_is_refused(data):
+    with pytest.raises(EpisodeError, match="0.001 m"):
+        ActionPhase(data, SMALL, dataclasses.replace(QUICK, longest_move=0.001))
+
+
+def test_objects_that_never_move_train_without_nan(data):
+    still = dataclasses.replace(data, positions=torch.zeros_like(data.positions))
+    figures = ActionPhase(still, SMALL, QUICK).step(0.5)
+    assert all(value == value for value in figures.values())
+
+
+def test_a_predicted_style_is_trained(data):
+    config = dataclasses.replace(SMALL, predict_style=True)
+    assert ActionPhase(data, config, QUICK).step(0.5)["style"] > 0
+
+
+def test_the_four_directions_are_discovered_within_seconds(tmp_path):
+    training = ActionTrainingConfig(batch=32, shortest=6, longest=8)
+    config = ActionConfig(actions=6, hidden=48, dynamics_width=48, discriminator_width=16)
+    states, held_out = make_states(150, steps=8), make_states(60, steps=8, seed=5).dataset
+    phase = ActionPhase(states.dataset, config, training, held_out)
+    untrained = phase.evaluate()
+    run(phase, tmp_path, Schedule(220, log_every=220))
+    trained = phase.evaluate()
+    assert trained["agreement"] > 0.6 > untrained["agreement"]
+    assert trained["rollout_distance"] < 0.5 * untrained["rollout_distance"]
+    names = {each.name for each in describe_actions(phase.module, held_out.sequences())}
+    assert {"left", "right", "forward", "back"} <= names
