@@ -103,7 +103,7 @@ class Session:
             self.status = BUSY
             yield client
             self.status, self.error = READY, ""
-        except BaseException as error:
+        except BaseException as error:  # the status has to tell of every way out
             self._note(error)
             raise
         finally:

@@ -87,13 +87,13 @@ class WorkerClient:
         self.command = list(command)
         self._stderr: deque[str] = deque(maxlen=STDERR_LINES)
         self._inbox: queue.Queue[Message | WorkerError | None] = queue.Queue()
-        self._unanswered_cancel = False
+        self._owes_reply = False
         self._process = self._launch()
         self._threads = [self._read(self._drain_stderr), self._read(self._receive)]
         try:
             greeting = {"protocol": PROTOCOL, "version": pe_runtime.__version__}
             self._ask(Message("hello", greeting), seconds=start_seconds)
-        except BaseException:
+        except BaseException:  # nobody will hold the client, so nobody else could stop it
             self.kill()
             raise
 
@@ -216,16 +216,18 @@ class WorkerClient:
         seconds: float | None = None,
     ) -> Message:
         """Send a request and return its terminal reply."""
-        self._settle_cancelled()
+        self._settle()
         self._send(request)
+        self._owes_reply = True
         for reply in self._replies(request.type, should_stop, seconds):
             if reply.type == "progress" and on_progress:
                 on_progress(*(reply.fields[key] for key in ("stage", "done", "total")))
             elif reply.type == "frame" and on_frame:
                 on_frame(reply)
-            elif reply.type == "failure":
-                raise _error_from(reply)
             elif reply.type in TERMINAL:
+                self._owes_reply = False
+                if reply.type == "failure":
+                    raise _error_from(reply)
                 return reply
         raise AssertionError("unreachable: _replies ends only by raising")
 
@@ -261,15 +263,16 @@ class WorkerClient:
     def _cancel(self, asked: str) -> None:
         """Tell the worker to give up and return at once; its last reply is read later."""
         self._send(Message("cancel"))
-        self._unanswered_cancel = True
         raise WorkerCancelledError(f"{asked} was cancelled")
 
-    def _settle_cancelled(self) -> None:
-        if not self._unanswered_cancel:
+    def _settle(self) -> None:
+        """Read what is left of a request that nobody waited for: cancelled or interrupted."""
+        if not self._owes_reply:
             return
+        self._send(Message("cancel"))
         for reply in self._replies("cancel", None, CANCEL_SECONDS):
             if reply.type in TERMINAL:
-                self._unanswered_cancel = False
+                self._owes_reply = False
                 return
 
     def _death(self, asked: str) -> WorkerError:

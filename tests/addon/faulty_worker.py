@@ -44,7 +44,7 @@ WORLDS = {
     "fails": FailingWorld,
     "dies": DyingWorld,
     "small": SmallWorld,
-    "slow": lambda: FakeWorld(seconds_per_frame=2.0),
+    "slow": lambda: FakeWorld(seconds_per_frame=1.0),
 }
 
 

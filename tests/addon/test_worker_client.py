@@ -113,6 +113,17 @@ def test_cancel_during_render_returns_at_once_and_the_next_request_works(started
     assert client.load("fake").name == "fake"
 
 
+def test_an_interrupted_request_does_not_answer_the_next_one(started, picture):
+    def interrupted():
+        raise KeyboardInterrupt
+
+    client = started(faulty("slow"))
+    client.load("fake")
+    with pytest.raises(KeyboardInterrupt):
+        client.render(shot_of(picture), 1, should_stop=interrupted)
+    assert client.rollout(shot_of(picture))["player_1"].shape == (4, 3)
+
+
 def test_long_chatter_on_stderr_neither_blocks_nor_piles_up(started):
     program = (
         "import sys; [sys.stderr.write('x' * 999 + '\\n') for _ in range(3000)]; "
