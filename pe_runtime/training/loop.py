@@ -32,7 +32,6 @@ class TrainingError(PlayableEnvironmentError):
 
 
 @runtime_checkable
-@runtime_checkable
 class Phase(Protocol):
     """What the loop trains."""
 

@@ -157,6 +157,8 @@ class SynthesisPhase:
                         continue
                     left, top, right, bottom = box.round().int().clamp(min=0).tolist()
                     region = (index, slice(top, bottom), slice(left, right))
+                    if squares[region].numel() == 0:
+                        continue
                     errors["psnr_box"].append(squares[region].mean())
                     errors["psnr_box_other_pose"].append(swapped[region].mean())
         return {k: float(-10 * torch.stack(v).mean().log10()) for k, v in errors.items() if v}
