@@ -36,6 +36,13 @@ def test_nothing_but_the_checkpoint_is_left_in_the_folder(tmp_path):
     assert [each.name for each in tmp_path.iterdir()] == ["m.safetensors"]
 
 
+def test_others_may_read_a_checkpoint_as_they_may_any_file_written_here(tmp_path):
+    (tmp_path / "any").write_bytes(b"")
+    save_checkpoint(tmp_path / "m.safetensors", tensors(), {})
+    modes = {(tmp_path / name).stat().st_mode for name in ("any", "m.safetensors")}
+    assert len(modes) == 1
+
+
 def test_parameters_that_need_gradients_can_be_saved(tmp_path):
     save_checkpoint(tmp_path / "m.safetensors", {"p": torch.nn.Parameter(torch.ones(2))}, {})
     assert not load_checkpoint(tmp_path / "m.safetensors")[1]["p"].requires_grad

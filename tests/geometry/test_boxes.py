@@ -27,7 +27,7 @@ def meet(origin, direction, low=LOW, high=HIGH, near=NEAR):
     return float(entry), float(leave), bool(hit)
 
 
-def march(origin, direction, low=LOW, high=HIGH, near=NEAR, end=40.0, count=400_001):
+def march(origin, direction, low=LOW, high=HIGH, near=NEAR, end=40.0, count=100_001):
     """The twin: walk along the ray in small steps and note where it is strictly inside."""
     t = np.linspace(near, end, count)
     points = np.asarray(origin)[:, None] + np.asarray(direction)[:, None] * t

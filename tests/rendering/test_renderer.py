@@ -97,6 +97,7 @@ def test_padding_changes_nothing(networks, bucket):
     torch.testing.assert_close(found.features[0], wanted.features[0], atol=1e-6, rtol=1e-5)
     torch.testing.assert_close(found.weights, wanted.weights, atol=1e-7, rtol=1e-6)
     torch.testing.assert_close(found.depth, wanted.depth, atol=1e-5, rtol=1e-6)
+    assert found.statistics["feature_samples"] == wanted.statistics["feature_samples"]
 
 
 def test_rays_one_by_one_give_what_they_give_together(networks):
@@ -141,8 +142,8 @@ def test_no_rays_give_no_features(networks):
 
 @pytest.mark.parametrize(
     "place",
-    [(0.0, -30.0, 0.0), (40.0, 0.0, 0.0), (0.0, 0.0, 50.0)],
-    ids=["behind the camera", "beside the view", "above the view"],
+    [(0.0, -30.0, 0.0), (40.0, 0.0, 0.0), (0.0, 0.0, 50.0), (1.0, -4.9, 9.0)],
+    ids=["behind the camera", "beside the view", "above the view", "right above the camera"],
 )
 @pytest.mark.parametrize("graded", [True, False])
 def test_an_object_that_no_ray_hits_leaves_the_others_as_they_are(networks, place, graded):

@@ -225,6 +225,14 @@ def test_frames_without_players_are_measured_without_their_boxes():
     assert set(phase(held_out=without_boxes((slice(None),))).evaluate()) == {"psnr"}
 
 
+@pytest.mark.parametrize("edges", [(50.0, 60.0), (-9.0, -2.0), (5.1, 5.3)])
+def test_a_box_that_covers_no_pixel_does_not_spoil_the_measurement(edges):
+    boxes = CLIPS.boxes.clone()
+    boxes[0, 0, 0, [0, 2]] = torch.tensor(edges)
+    figures = phase(held_out=replace(CLIPS, boxes=boxes)).evaluate()
+    assert all(0 < value < 60 for value in figures.values())
+
+
 def test_a_whole_training_writes_its_model_its_settings_and_its_metrics(tmp_path):
     config, told = small_config(width=40, height=24), []
     networks = train_synthesis(
