@@ -29,8 +29,9 @@ class PLAYABLE_PT_environment(PlayablePanel, bpy.types.Panel):
         layout.operator("playable.load_model", icon="IMPORT")
         layout.prop(settings, "image_path")
         for each in settings.boxes:
-            column = layout.column(align=True)
-            column.prop(each, "box", text=each.name)
+            column = layout.column(align=True, heading=each.name)
+            for index, edge in enumerate(("Left", "Top", "Right", "Bottom")):
+                column.prop(each, "box", index=index, text=edge)
         layout.operator("playable.new_environment", icon="OUTLINER_OB_EMPTY")
         if settings.root is not None:
             layout.prop(settings, "root")

@@ -73,6 +73,7 @@ def build_environment(
         settings.state_text, f"{scene.name} environment", _state_json(picture, state)
     )
     settings.bake_text = None
+    settings.set_boxes(facts.playable_names, picture.boxes)
     _place_empties(scene, root, facts, picture.boxes, state)
     use_exact_colours(scene)
     scene.render.engine = "PLAYABLE_ENV"

@@ -6,7 +6,7 @@ never change their meaning, while the labels come from the model.
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -146,6 +146,12 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
         for name in wanted:
             if name not in self.boxes:
                 self.boxes.add().name = name
+
+    def set_boxes(self, names: Iterable[str], boxes: Mapping[str, Sequence[float]]) -> None:
+        """Show these boxes for typing on; objects without one are not in the picture."""
+        self.list_boxes(names)
+        for each in self.boxes:
+            each.box = boxes.get(each.name, (0.0, 0.0, 0.0, 0.0))
 
     def typed_boxes(self) -> dict[str, tuple[float, float, float, float]]:
         """The boxes of those objects that are in the picture."""

@@ -62,11 +62,12 @@ def samples_of(owner, each, centre, direction, frame, near):
     if passage is None:
         return []
     entry, leave = passage
-    step = (leave - entry) / config.samples
+    count, place = (1, 0.0) if config.opaque else (config.samples, 0.5)
+    step = (leave - entry) / count
     length = step * math.sqrt(sum(float(d) ** 2 for d in direction))
     samples = []
-    for number in range(config.samples):
-        depth = entry + (number + 0.5) * step
+    for number in range(count):
+        depth = entry + (number + place) * step
         at = in_half_boxes(origin + depth * direction, config.low, config.high)
         thickness = OPAQUE if config.opaque else length * density(each, at, frame)
         samples.append(Sample(owner, depth, thickness, at))

@@ -172,9 +172,12 @@ def _pass_through(rays: Rays, each: SceneObject, settings: RenderSettings) -> _P
     hit = hit & each.visible[rays.frame]
     hit[-1] = False
     index = _padded(torch.nonzero(hit)[:, 0], settings.bucket, hit.shape[0] - 1)
-    count = max(1, round(config.samples * settings.sample_share))
+    count = 1 if config.opaque else max(1, round(config.samples * settings.sample_share))
     places = None
-    if settings.jitter:
+    if config.opaque:
+        # Nothing behind the surface can be seen: the one sample is where the ray enters.
+        places = torch.zeros(index.shape[0], 1, device=index.device, dtype=torch.float64)
+    elif settings.jitter:
         places = torch.rand(index.shape[0], count, device=index.device, dtype=torch.float64)
     depth, step = sample_intervals(near[index], far[index], count, places)
     points = origins[index][:, None] + depth[..., None] * rays.directions[index][:, None]
@@ -217,12 +220,7 @@ def _weigh(passages: Sequence[_Passage], count: int, device: torch.device) -> li
         thickness = thickness.index_put(cells, p.thickness)
         start += p.depth.shape[1]
     weights = composite(depth, thickness)
-    gathered = [weights[p.rays][:, c] for p, c in zip(passages, columns, strict=True)]
-    # The dummy ray's weights are noise of the padding.
-    return [
-        torch.where((p.rays < count)[:, None], w, 0.0)
-        for p, w in zip(passages, gathered, strict=True)
-    ]
+    return [weights[p.rays][:, c] for p, c in zip(passages, columns, strict=True)]
 
 
 def _share(passage: _Passage, weights: Tensor, count: int) -> Float[Tensor, " rays"]:

@@ -246,8 +246,13 @@ def _under(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
 
 
 def _permuted(codes: Codes, frames: int) -> Codes:
-    """Styles of each sequence rolled along time, so that w cannot carry the pose."""
+    """Styles of each sequence rolled along time, so that w cannot carry the pose.
+
+    A frame whose neighbour does not show the object keeps its own style.
+    """
     style = codes.style.unflatten(0, (-1, frames)).roll(1, dims=1).flatten(0, 1)
+    seen = codes.visible.unflatten(0, (-1, frames)).roll(1, dims=1).flatten(0, 1)
+    style = torch.where(seen[:, None], style, codes.style)
     return Codes(codes.position, style, codes.pose, codes.visible)
 
 

@@ -108,6 +108,9 @@ def test_loading_a_model_lists_boxes_to_type_and_the_operator_uses_them(scene, p
     settings.boxes["player_2"].box = BOXES["player_2"]
     bpy.ops.playable.new_environment()
     assert list(playable_objects(scene)) == ["player_2"]
+    given = json.dumps({"player_1": BOXES["player_1"]})
+    bpy.ops.playable.new_environment(boxes=given)
+    assert settings.typed_boxes() == {"player_1": BOXES["player_1"]}
 
 
 def test_without_a_camera_the_usual_one_is_made(scene, picture):
