@@ -29,7 +29,8 @@ class PLAYABLE_PT_environment(PlayablePanel, bpy.types.Panel):
         layout.operator("playable.load_model", icon="IMPORT")
         layout.prop(settings, "image_path")
         for each in settings.boxes:
-            column = layout.column(align=True, heading=each.name)
+            column = layout.column(align=True)
+            column.label(text=each.name)
             for index, edge in enumerate(("Left", "Top", "Right", "Bottom")):
                 column.prop(each, "box", index=index, text=edge)
         layout.operator("playable.new_environment", icon="OUTLINER_OB_EMPTY")

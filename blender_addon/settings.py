@@ -88,6 +88,7 @@ class BoxSettings(bpy.types.PropertyGroup):
         description="Left, top, right, bottom in pixels; all zero: not in the picture",
         size=4,
         min=0.0,
+        options=set(),
         precision=1,
     )
 
