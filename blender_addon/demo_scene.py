@@ -225,7 +225,6 @@ def _write_report(path: Path, report: dict[str, Any]) -> None:
 
 if __name__ == "__main__":
     code = main()
-    sys.stdout.flush()
     sys.stderr.flush()
     # Blender 4.5 as a module can wait for ever in its own exit handlers.
     os._exit(code)
