@@ -58,9 +58,11 @@ def load_checkpoint(
             if metadata is None:
                 raise CheckpointError(
                     f"{path} is a safetensors file, but not a checkpoint of this project: it has "
-                    f"no {KEY!r} header. `pe import-official` reads the authors' files."
+                    f"no {KEY!r} header"
                 )
             header = json.loads(metadata)
+            if not isinstance(header, dict):
+                raise CheckpointError(f"{path}: its header is no JSON object; train it again")
             tensors = {name: file.get_tensor(name) for name in file.keys()}
     except (SafetensorError, OSError, ValueError) as problem:
         raise CheckpointError(

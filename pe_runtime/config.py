@@ -18,6 +18,13 @@ from typing import Any
 from pe_runtime.contract.errors import ConfigError
 
 Triple = tuple[float, float, float]
+KINDS = ("playable", "static", "sky")
+CROPS = ("box", "volume", "frame")
+
+
+def _demand(holds: bool, expected: str) -> None:
+    if not holds:
+        raise ConfigError(f"expected {expected}")
 
 
 @dataclass(frozen=True)
@@ -34,6 +41,11 @@ class FieldConfig:
     head_width: int = 64
     density_scale: float = 10.0
     """Optical thickness per metre of a unit density output."""
+
+    def __post_init__(self) -> None:
+        _demand(min(self.width, self.depth, self.head_width) >= 1, "field: widths and depth >= 1")
+        _demand(self.octaves >= 0, "field: octaves >= 0")
+        _demand(0 <= self.skip < self.depth, "field: skip from 0 (none) to depth - 1")
 
 
 @dataclass(frozen=True)
@@ -61,6 +73,12 @@ class EncoderConfig:
     shared_trunk: bool = False
     """One trunk for style and pose instead of two; collapses the pose on small budgets."""
 
+    def __post_init__(self) -> None:
+        _demand(self.crop in CROPS, f"encoder: crop one of {', '.join(CROPS)}, not {self.crop!r}")
+        _demand(min(self.height, self.width, self.hidden) >= 1, "encoder: sizes >= 1")
+        groups = self.channels and all(c > 0 and c % 4 == 0 for c in self.channels)
+        _demand(bool(groups), "encoder: channels in multiples of 4 (its normalisation groups)")
+
 
 @dataclass(frozen=True)
 class ObjectClassConfig:
@@ -82,6 +100,16 @@ class ObjectClassConfig:
     field: FieldConfig = FieldConfig()
     bending: BendingConfig | None = None
     encoder: EncoderConfig = EncoderConfig()
+
+    def __post_init__(self) -> None:
+        _demand(self.kind in KINDS, f"class: kind one of {', '.join(KINDS)}, not {self.kind!r}")
+        ordered = all(a < b for a, b in zip(self.low, self.high, strict=True))
+        _demand(ordered, f"class: low below high on every axis, not {self.low} and {self.high}")
+        _demand(self.samples >= 1, f"class: samples >= 1, not {self.samples}")
+        _demand(bool(self.axes) and set(self.axes) <= {0, 1, 2}, "class: axes out of 0, 1, 2")
+        _demand(self.style_features >= 1, "class: style_features >= 1")
+        bends = self.bending is not None
+        _demand(self.pose_features >= int(bends), "class: pose_features >= 1 where rays are bent")
 
 
 @dataclass(frozen=True)
@@ -106,6 +134,20 @@ class FeatureRendererConfig:
     output_widths: tuple[int, ...] = (24,)
     """Channels after each further doubling up to image resolution."""
     blocks: int = 1
+
+    def __post_init__(self) -> None:
+        levels = {len(self.strides), len(self.features), len(self.widths)}
+        _demand(
+            len(levels) == 1 and self.strides != (),
+            "feature_renderer: one entry a map in each list",
+        )
+        doubles = all(2 * a == b for a, b in zip(self.strides, self.strides[1:], strict=False))
+        _demand(doubles, f"feature_renderer: each stride twice the one before, not {self.strides}")
+        _demand(
+            self.strides[0] == 2 ** len(self.output_widths),
+            "feature_renderer: as many output_widths as doublings from the finest map to the image",
+        )
+        _demand(self.features[0] >= 3, "feature_renderer: 3 features or more in the finest map")
 
 
 @dataclass(frozen=True)
@@ -139,6 +181,16 @@ class ModelConfig:
     objects: tuple[ObjectConfig, ...] = ()
     feature_renderer: FeatureRendererConfig = FeatureRendererConfig()
     action: ActionConfig = ActionConfig()
+
+    def __post_init__(self) -> None:
+        _demand(min(self.width, self.height) >= 1, "model: width and height >= 1")
+        _demand(self.steps_per_second > 0, "model: steps_per_second above 0")
+        names = [each.name for each in self.objects]
+        _demand(len(set(names)) == len(names), f"model: object names that differ, not {names}")
+        for each in self.objects:
+            known = ", ".join(self.classes)
+            found = each.class_name in self.classes
+            _demand(found, f"object {each.name!r}: a class out of {known}, not {each.class_name!r}")
 
     @property
     def playable_names(self) -> tuple[str, ...]:
@@ -181,6 +233,12 @@ class SynthesisConfig:
     seed: int = 0
     evaluate_every: int = 500
     checkpoint_every: int = 250
+
+    def __post_init__(self) -> None:
+        counts = (self.sequences, self.frames, self.checkpoint_every)
+        _demand(min(counts) >= 1, "synthesis: sequences, frames, checkpoint_every >= 1")
+        smallest = min(self.patch_height, self.patch_width)
+        _demand(smallest >= 16, f"synthesis: patches of 16 pixels or more, not {smallest}")
 
 
 @dataclass(frozen=True)

@@ -16,10 +16,11 @@ from torch import Tensor
 from pe_runtime.action.dynamics import Memory as ObjectMemory
 from pe_runtime.action.module import ActionModule
 from pe_runtime.action.sequences import PlayerState, StateSequence
+from pe_runtime.admission import check_found, check_picture, check_state
 from pe_runtime.checkpoint import fit, load_checkpoint
 from pe_runtime.config import QUALITIES, ModelConfig, from_dict
 from pe_runtime.contract.camera import Camera
-from pe_runtime.contract.errors import CameraError, CheckpointError, ConfigError
+from pe_runtime.contract.errors import CheckpointError, ConfigError
 from pe_runtime.geometry.cameras import Cameras
 from pe_runtime.networks import Codes, SynthesisNetworks
 from pe_runtime.rendering.renderer import RenderSettings
@@ -141,7 +142,7 @@ class PlayableEnvironment:
                 names an unknown object.
             CameraError: A box has no area, or its foot is no point on the ground.
         """
-        _check_picture(image, camera)
+        check_picture(image, camera)
         unknown = [name for name in boxes if name not in self.playable_names]
         if unknown:
             known = ", ".join(self.playable_names) or "none"
@@ -161,7 +162,7 @@ class PlayableEnvironment:
             own[0, self.playable_names.index(name)] = (box * torch.tensor(scale)).float()
         cameras = Cameras.stack([camera.scaled(width, height)], self.device)
         codes = self.networks.encode(picture.to(self.device), cameras, own.to(self.device))
-        _check_found(codes, boxes)
+        check_found(codes, boxes)
         return EnvironmentState({name: _state(each) for name, each in codes.items()})
 
     @torch.no_grad()
@@ -181,9 +182,10 @@ class PlayableEnvironment:
             memory: From the step before; None at the first.
 
         Raises:
-            ConfigError: An unknown object or action.
+            ConfigError: An unknown object or action, or a state of another model.
             CheckpointError: The model has no trained actions.
         """
+        check_state(self.config, state)
         remembered = dict(memory.objects) if memory is not None else {}
         objects = dict(state.objects)
         rotation = torch.tensor(camera.world_from_camera[:3, :3]).float()[None].to(self.device)
@@ -214,7 +216,15 @@ class PlayableEnvironment:
 
         Returns:
             Object name -> action indices, one fewer than there are states.
+
+        Raises:
+            ConfigError: No states, or not as many cameras as states.
         """
+        if not states or len(states) != len(cameras):
+            raise ConfigError(
+                f"actions are inferred from one camera per state, found {len(states)} states and "
+                f"{len(cameras)} cameras"
+            )
         rotations = np.stack([c.world_from_camera[:3, :3] for c in cameras])
         rotations = torch.from_numpy(rotations).float()[None].to(self.device)
         found = {}
@@ -241,7 +251,7 @@ class PlayableEnvironment:
             options: Quality and further passes.
 
         Raises:
-            ConfigError: Unknown quality or mask.
+            ConfigError: Unknown quality or mask, or a state of another model.
         """
         options = options or RenderOptions()
         if options.quality not in QUALITIES:
@@ -249,6 +259,7 @@ class PlayableEnvironment:
             raise ConfigError(f"no render quality {options.quality!r}; there are: {known}")
         for name in options.masks:
             self.config.class_of(name)
+        check_state(self.config, state)
         quality = QUALITIES[options.quality]
         settings = RenderSettings(
             near=self.config.near,
@@ -321,36 +332,6 @@ def _load(module: torch.nn.Module, tensors: Mapping[str, Tensor], prefix: str, w
     wanted = module.state_dict()
     fit(wanted, own, what)
     module.load_state_dict({name: own[name].to(wanted[name].dtype) for name in wanted})
-
-
-def _check_picture(image: np.ndarray, camera: Camera) -> None:
-    if image.ndim != 3 or image.shape[2] != 3 or 0 in image.shape:
-        raise ConfigError(f"a picture must be (height, width, 3), found {image.shape}")
-    if image.shape[:2] != (camera.height, camera.width):
-        raise ConfigError(
-            f"the picture has {image.shape[1]}x{image.shape[0]} pixels, its camera "
-            f"{camera.width}x{camera.height}; give the camera that took this picture"
-        )
-    bad = int((~np.isfinite(image)).any(axis=-1).sum())
-    if bad:
-        raise ConfigError(f"the picture has {bad} pixels that are NaN or infinite; repair it first")
-
-
-def _check_found(codes: Mapping[str, Codes], boxes: Mapping[str, Sequence[float]]) -> None:
-    for name, box in boxes.items():
-        if bool(codes[name].visible[0]):
-            continue
-        left, top, right, bottom = (float(edge) for edge in box)
-        if not (right > left and bottom > top):
-            raise CameraError(
-                f"the box of {name!r} has no area: left {left:g}, top {top:g}, right {right:g}, "
-                f"bottom {bottom:g} pixels"
-            )
-        raise CameraError(
-            f"{name!r} has no place on the ground: the middle of its box's lower edge "
-            f"({(left + right) / 2:g}, {bottom:g}) is at or above the horizon, or the object is "
-            "behind the camera. Check the box and the camera."
-        )
 
 
 def _state(codes: Codes) -> ObjectState:

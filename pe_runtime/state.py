@@ -15,6 +15,9 @@ from torch import Tensor
 
 from pe_runtime.contract.errors import ConfigError
 
+FORMAT = 1
+"""Version of a stored state."""
+
 
 @dataclass(frozen=True)
 class ObjectState:
@@ -109,7 +112,7 @@ def blend(a: EnvironmentState, b: EnvironmentState, weight: float) -> Environmen
 def state_as_dict(state: EnvironmentState) -> dict[str, Any]:
     """JSON-able form of a state; float32 values survive the round trip exactly."""
     return {
-        "format": 1,
+        "format": FORMAT,
         "objects": {
             name: {
                 "position": each.position.tolist(),
@@ -128,6 +131,11 @@ def state_from_dict(values: Any) -> EnvironmentState:  # noqa: ANN401
     Raises:
         ConfigError: A key is missing, or a value is not a list of finite numbers.
     """
+    found = values.get("format") if isinstance(values, Mapping) else None
+    if found != FORMAT:
+        raise ConfigError(
+            f"this is no environment state of format {FORMAT} (found {found!r}); encode it again"
+        )
     try:
         objects = {name: _object_from(each, name) for name, each in values["objects"].items()}
     except (KeyError, TypeError, AttributeError) as problem:
@@ -146,7 +154,10 @@ def _object_from(values: Any, name: str) -> ObjectState:  # noqa: ANN401
             raise ConfigError(f"{key} of {name!r} must be a flat list of finite numbers")
     if codes["position"].numel() != 3:
         raise ConfigError(f"position of {name!r} must have 3 numbers")
-    return ObjectState(**codes, visible=bool(values.get("visible", True)))
+    visible = values.get("visible", True)
+    if not isinstance(visible, bool):
+        raise ConfigError(f"visible of {name!r} must be true or false, found {visible!r}")
+    return ObjectState(**codes, visible=visible)
 
 
 def _same_length(old: Tensor, new: Tensor, what: str) -> None:

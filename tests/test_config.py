@@ -1,4 +1,5 @@
 import json
+import re
 from dataclasses import dataclass, replace
 
 import pytest
@@ -7,6 +8,7 @@ from small_world import small_config
 from pe_runtime.config import (
     QUALITIES,
     BendingConfig,
+    FeatureRendererConfig,
     ModelConfig,
     ObjectClassConfig,
     SynthesisConfig,
@@ -160,3 +162,27 @@ class Nested:
 def test_tuples_of_several_kinds_and_of_any_length_are_read():
     assert from_dict(Nested, {"pair": [2, "b"], "many": [1, 2.5]}) == Nested((2, "b"), (1.0, 2.5))
     assert replace(Nested(), many=()) == from_dict(Nested, {"many": []})
+
+
+@pytest.mark.parametrize(
+    ("kind", "values", "told"),
+    [
+        (ObjectClassConfig, {"kind": "playble"}, "playable, static, sky"),
+        (ObjectClassConfig, {"samples": -3}, "samples >= 1"),
+        (ObjectClassConfig, {"low": [0.0, 0.0, 3.0]}, "low below high"),
+        (ObjectClassConfig, {"axes": [0, 3]}, "axes"),
+        (ObjectClassConfig, {"bending": {}, "pose_features": 0}, "pose_features"),
+        (ObjectClassConfig, {"field": {"depth": 2, "skip": 2}}, "skip"),
+        (ObjectClassConfig, {"encoder": {"crop": "boxes"}}, "crop one of"),
+        (ObjectClassConfig, {"encoder": {"channels": [6]}}, "multiples of 4"),
+        (FeatureRendererConfig, {"strides": [2, 4, 8]}, "one entry a map"),
+        (FeatureRendererConfig, {"strides": [2, 6]}, "twice the one before"),
+        (FeatureRendererConfig, {"strides": [4, 8]}, "doublings"),
+        (ModelConfig, {"objects": [{"name": "a", "class_name": "b"}]}, "'b'"),
+        (ModelConfig, {"steps_per_second": 0.0}, "steps_per_second"),
+        (SynthesisConfig, {"patch_width": 8}, "16 pixels"),
+    ],
+)
+def test_settings_that_make_no_sense_are_refused_by_name(kind, values, told):
+    with pytest.raises(ConfigError, match=re.escape(told)):
+        from_dict(kind, values)

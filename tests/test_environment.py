@@ -391,3 +391,31 @@ def test_networks_of_another_seed_draw_another_picture(env, state):
     networks = small_networks(env.config, seed=1)
     other = PlayableEnvironment(env.config, networks, env.actions, env.header)
     assert not np.array_equal(other.render(state, VIEW).rgb, env.render(state, VIEW).rgb)
+
+
+def test_a_picture_of_bytes_is_refused_and_told_how_to_be_converted(env):
+    with pytest.raises(ConfigError, match="Divide 8-bit values by 255"):
+        env.encode((picture() * 255).astype(np.uint8), VIEW, boxes())
+    with pytest.raises(ConfigError, match=r"in \[0, 1\]"):
+        env.encode(picture() * 3, VIEW, boxes())
+
+
+@pytest.mark.parametrize("verb", ["render", "step"])
+def test_a_state_of_another_model_is_refused(env, state, verb):
+    stranger = state_as_dict(state)
+    stranger["objects"]["player_1"]["style"].append(0.0)
+    with pytest.raises(ConfigError, match="from another model"):
+        _use(env, verb, state_from_dict(stranger))
+    del stranger["objects"]["player_1"]
+    with pytest.raises(ConfigError, match="hide objects instead"):
+        _use(env, verb, state_from_dict(stranger))
+
+
+def _use(env, verb, state):
+    return env.render(state, VIEW) if verb == "render" else env.step(state, {}, VIEW)
+
+
+@pytest.mark.parametrize(("states", "cameras"), [(0, 0), (2, 1), (1, 2)])
+def test_actions_are_only_inferred_from_as_many_cameras_as_states(env, state, states, cameras):
+    with pytest.raises(ConfigError, match="one camera per state"):
+        env.infer_actions([state] * states, [VIEW] * cameras)

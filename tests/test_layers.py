@@ -22,7 +22,7 @@ LAYERS = (
     ("perception", "action"),
     ("networks",),
     ("checkpoint", "dataset", "images"),
-    ("environment",),
+    ("admission", "environment"),
     ("shots", "mesh"),
     ("training", "evaluation", "interop", "footage", "recording", "cluster"),
     ("benchmark", "worker", "demo"),

@@ -167,3 +167,16 @@ def test_a_malformed_state_is_one_clear_error(document):
 
 def test_an_empty_state_is_a_state():
     assert state_from_dict(state_as_dict(EnvironmentState({}))).objects == {}
+
+
+@pytest.mark.parametrize("change", [{"format": 99}, {"format": None}])
+def test_a_state_of_another_format_is_refused(change):
+    with pytest.raises(ConfigError, match="format 1"):
+        state_from_dict(state_as_dict(plain()) | change)
+
+
+def test_visibility_must_be_true_or_false():
+    document = state_as_dict(plain())
+    next(iter(document["objects"].values()))["visible"] = "no"
+    with pytest.raises(ConfigError, match="true or false"):
+        state_from_dict(document)

@@ -28,7 +28,7 @@ METRICS = "metrics.jsonl"
 
 
 class TrainingError(PlayableEnvironmentError):
-    """Training cannot go on: the loss is not finite, or a run folder is in the way."""
+    """Training cannot go on: the loss is not finite, or another run's folder is in the way."""
 
 
 @runtime_checkable
@@ -89,11 +89,16 @@ def run(
         The number of steps made in all.
 
     Raises:
-        TrainingError: The loss is not finite; the last checkpoint is kept.
+        TrainingError: The loss is not finite (the last checkpoint is kept), or the folder holds
+            another run.
         CheckpointError: `resume` without a checkpoint.
     """
     output = Path(output)
     output.mkdir(parents=True, exist_ok=True)
+    if not resume and (output / CHECKPOINT).exists():
+        raise TrainingError(
+            f"{output} holds another run; go on with it (resume), or give another folder"
+        )
     step, spent = _resumed(phase, output) if resume else (0, 0.0)
     started = time.monotonic() - spent
     since: list[Log] = []

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from pe_runtime.checkpoint import fit, load_checkpoint, save_checkpoint
 from pe_runtime.config import ModelConfig, SynthesisConfig, as_dict
+from pe_runtime.contract.errors import ConfigError
 from pe_runtime.dataset import Clips, FrameBatch
 from pe_runtime.networks import Codes, SynthesisNetworks
 from pe_runtime.rendering.renderer import RenderSettings
@@ -36,6 +37,9 @@ class SynthesisPhase:
         clips: Training sequences.
         held_out: Sequences for measurements, if any.
         config: Losses, patches, rates.
+
+    Raises:
+        ConfigError: Patches or frame counts that the clips do not have.
     """
 
     def __init__(
@@ -45,6 +49,7 @@ class SynthesisPhase:
         held_out: Clips | None,
         config: SynthesisConfig,
     ) -> None:
+        _check_fit(networks.config, clips, config)
         self.networks, self.clips, self.held_out, self.config = networks, clips, held_out, config
         self.device = next(networks.parameters()).device
         decoder = list(networks.feature_renderer.parameters())
@@ -176,7 +181,9 @@ class SynthesisPhase:
 
     def restore(self, tensors: Mapping[str, Tensor]) -> None:
         """Take back what `tensors` gave."""
-        self.networks.load_state_dict(_under(tensors, "networks."))
+        own = _under(tensors, "networks.")
+        fit(self.networks.state_dict(), own, "the checkpoint of this run")
+        self.networks.load_state_dict(own)
         restore_optimiser(self.optimiser, tensors, "optimiser")
 
 
@@ -243,6 +250,25 @@ def load_synthesis(networks: SynthesisNetworks, tensors: Mapping[str, Tensor]) -
 
 def _under(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
     return {n[len(prefix) :]: t for n, t in tensors.items() if n.startswith(prefix)}
+
+
+def _check_fit(model: ModelConfig, clips: Clips, config: SynthesisConfig) -> None:
+    """Refuse patches and sequences that the data set does not have."""
+    length, height, width = clips.images.shape[1:4]
+    if config.frames > length:
+        raise ConfigError(
+            f"synthesis.frames is {config.frames}, but the sequences have {length} frames"
+        )
+    coarsest = model.feature_renderer.strides[-1]
+    for name, patch, frame in (
+        ("patch_height", config.patch_height, height),
+        ("patch_width", config.patch_width, width),
+    ):
+        if patch % coarsest or patch > frame:
+            raise ConfigError(
+                f"synthesis.{name} must be a multiple of {coarsest} (the coarsest stride) and at "
+                f"most {frame} (the frames), found {patch}"
+            )
 
 
 def _permuted(codes: Codes, frames: int) -> Codes:

@@ -199,3 +199,11 @@ def test_an_optimiser_that_made_no_step_has_nothing_to_restore():
     assert optimiser_tensors(fresh, "o") == {}
     restore_optimiser(fresh, {"other.0.step": torch.tensor(1.0)}, "o")
     assert not fresh.state_dict()["state"]
+
+
+def test_a_new_run_does_not_overwrite_the_folder_of_another(tmp_path):
+    run(Line(), tmp_path, Schedule(steps=2))
+    before = (tmp_path / "checkpoint.safetensors").read_bytes()
+    with pytest.raises(TrainingError, match="another run"):
+        run(Line(), tmp_path, Schedule(steps=2))
+    assert (tmp_path / "checkpoint.safetensors").read_bytes() == before

@@ -8,7 +8,7 @@ import torch
 from small_world import small_clips, small_config, small_training
 
 from pe_runtime.checkpoint import load_checkpoint, save_checkpoint
-from pe_runtime.contract.errors import CheckpointError
+from pe_runtime.contract.errors import CheckpointError, ConfigError
 from pe_runtime.networks import SynthesisNetworks
 from pe_runtime.training.loop import METRICS, Schedule, run
 from pe_runtime.training.synthesis_phase import (
@@ -273,3 +273,16 @@ def test_weights_of_another_architecture_are_refused():
     other = SynthesisNetworks(small_config(style_features=9))
     with pytest.raises(CheckpointError, match="misshapen"):
         load_synthesis(SynthesisNetworks(small_config()), prefixed(other))
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"frames": 99}, "frames"),
+        ({"patch_width": 18}, "multiple of 4"),
+        ({"patch_height": 640}, "at most"),
+    ],
+)
+def test_patches_and_frames_that_the_data_do_not_have_are_refused(changes, told):
+    with pytest.raises(ConfigError, match=told):
+        phase(**changes)
