@@ -235,6 +235,55 @@ def test_evaluate_prints_figures_as_a_table_and_as_json(capsys, model, clip):
     assert "PSNR" in out
 
 
+TINY = """
+[model]
+width = 32
+height = 16
+[model.classes.player]
+kind = "playable"
+samples = 2
+style_features = 4
+pose_features = 3
+bending = { width = 8, depth = 1 }
+field = { width = 8, depth = 1, head_width = 8 }
+encoder = { height = 8, width = 8, channels = [4], hidden = 8 }
+[[model.objects]]
+name = "player_1"
+class_name = "player"
+[[model.objects]]
+name = "player_2"
+class_name = "player"
+[model.action]
+actions = 3
+hidden = 8
+dynamics_width = 8
+[synthesis]
+steps = 2
+sequences = 2
+patch_height = 16
+patch_width = 16
+[actions]
+steps = 2
+batch = 4
+"""
+
+
+def test_both_trainings_make_a_model_that_plays(capsys, clip, tmp_path):
+    config, runs = tmp_path / "tiny.toml", tmp_path / "runs"
+    config.write_text(TINY)
+    options = ("--config", config, "--data", clip)
+    code, out, err = run(capsys, "train", "synthesis", *options, "-o", runs / "s", "--json")
+    assert code == 0, err
+    synthesis = json.loads(out)["model"]
+    options = ("--checkpoint", synthesis, *options, "-o", runs / "a", "--json")
+    code, out, err = run(capsys, "train", "actions", *options)
+    assert code == 0, err
+    facts = result(capsys, "info", json.loads(out)["model"])
+    assert len(facts["actions"]["player_1"]) == 3
+    code, _, err = run(capsys, "train", "actions", *options)
+    assert (code, "holds another run" in err) == (1, True)
+
+
 def test_a_training_config_with_an_unknown_key_is_refused(capsys, clip, tmp_path):
     (tmp_path / "c.toml").write_text("[synthesis]\nstps = 3\n")
     options = ("--config", tmp_path / "c.toml", "--data", clip, "-o", tmp_path / "run")
@@ -304,3 +353,11 @@ def test_the_worker_command_serves_the_wire():
 def test_the_command_line_starts_without_torch():
     code = "import sys, pe_runtime.cli; sys.exit('torch' in sys.modules or 'cv2' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], cwd=ROOT).returncode == 0
+
+
+@pytest.mark.blender
+def test_recording_ends_with_what_the_data_set_holds(capsys, tmp_path):
+    wanted = ("--sequences", "1", "--size", "64x36", "--seed", "5", "--views", "2")
+    facts = result(capsys, "dataset", "record", *wanted, "-o", tmp_path / "data")
+    assert (facts["complete_episodes"], facts["views"], facts["seed"]) == (1, 2, 5)
+    assert facts["size"] == "64x36"

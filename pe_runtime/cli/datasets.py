@@ -33,13 +33,17 @@ def record(
     job = RecordingJob(scene, sequences, seed, parse_size(size), output, views)
     with progress("episodes") as report:
         record_episodes(job, processes, on_progress=report)
-    info(output)
+    _tell(output)
 
 
 @app.command()
 @shared
 def info(dataset: Folder) -> None:
     """Say what a data set holds."""
+    _tell(dataset)
+
+
+def _tell(dataset: Path) -> None:
     from pe_runtime.contract.episode import read_dataset, read_episode
 
     facts, folders = read_dataset(dataset)
