@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor, nn
 
 from pe_runtime.action.movement import ground_axes, moved
@@ -52,6 +52,14 @@ class Step:
     state: PlayerState
     movement: Float[Tensor, "batch 2"]
     memory: Memory
+
+
+def choose_memory(where: Bool[Tensor, " batch"], first: Memory, second: Memory) -> Memory:
+    """The first memory for the objects where it is true, the second for the others."""
+    where = where[None, :, None]
+    return Memory(
+        torch.where(where, first.hidden, second.hidden), torch.where(where, first.cell, second.cell)
+    )
 
 
 class DynamicsNetwork(nn.Module):

@@ -43,12 +43,14 @@ class Reconstruction:
         actions: The sampled actions, one-hot.
         sequence: R's states; the first is the encoded one.
         moves: R's movements, (right, forward) metres.
+        memory: R's memory after the last step.
     """
 
     estimate: ActionEstimate
     actions: Float[Tensor, "batch moves actions"]
     sequence: StateSequence
     moves: Float[Tensor, "batch moves 2"]
+    memory: Memory
 
 
 class ActionModule(nn.Module):
@@ -104,8 +106,16 @@ class ActionModule(nn.Module):
             memory = step.memory
         return stack_states(states, world_from_camera)
 
-    def reconstruct(self, sequence: StateSequence, sampling: Sampling) -> Reconstruction:
-        """Infer the actions of a sequence and rebuild it from them (training)."""
+    def reconstruct(
+        self, sequence: StateSequence, sampling: Sampling, memory: Memory | None = None
+    ) -> Reconstruction:
+        """Infer the actions of a sequence and rebuild it from them (training).
+
+        Args:
+            sequence: Encoded states.
+            sampling: Temperature, teacher forcing, noise.
+            memory: What R remembers from before; None for a fresh start.
+        """
         estimate = self.action_network(sequence)
         actions = sample_actions(estimate.logits, sampling.temperature, sampling.generator)
         variability = sample_variability(estimate, sampling.generator)
@@ -115,7 +125,7 @@ class ActionModule(nn.Module):
         forced = torch.rand(batch, count, generator=sampling.generator) < sampling.teacher_forcing
         forced = forced.to(actions.device)
         states, moves = [sequence.at(0)], []
-        memory = self.dynamics.initial_memory(batch)
+        memory = memory or self.dynamics.initial_memory(batch)
         for t in range(count):
             start = _choose(forced[:, t], sequence.at(t), states[-1])
             camera = sequence.world_from_camera[:, t]
@@ -125,7 +135,7 @@ class ActionModule(nn.Module):
             memory = step.memory
         rebuilt = stack_states(states, sequence.world_from_camera)
         moves = torch.stack(moves, dim=1) if moves else actions.new_zeros(batch, 0, 2)
-        return Reconstruction(estimate, actions, rebuilt, moves)
+        return Reconstruction(estimate, actions, rebuilt, moves, memory)
 
 
 def _choose(where: Tensor, first: PlayerState, second: PlayerState) -> PlayerState:

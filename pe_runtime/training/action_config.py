@@ -36,6 +36,9 @@ class ActionTrainingConfig:
     variability_weight: float = 0.05
     variability_share: float = 0.5
     """Sequences rebuilt with v; the others with v = 0, as at inference."""
+    fresh_memory: float = 0.5
+    """Windows that start with a fresh memory. The others go on with what R remembers of the window
+    drawn before, so memories grow older than the sequences are long and long rollouts hold."""
     first_temperature: float = 1.0
     last_temperature: float = 0.3
     first_teacher_forcing: float = 0.8

@@ -6,6 +6,7 @@ import torch
 from torch import Tensor, nn
 
 from pe_runtime.action.discriminator import TemporalDiscriminator
+from pe_runtime.action.dynamics import Memory, choose_memory
 from pe_runtime.action.module import ActionModule, Reconstruction, Sampling
 from pe_runtime.action.movement import ground_axes, movements
 from pe_runtime.action.sequences import StateSequence
@@ -61,6 +62,9 @@ class ActionPhase:
             torch.manual_seed(training.seed)
             self.module = ActionModule(config, style, pose).to(device)
             self.judge = TemporalDiscriminator(config, pose).to(device)
+        with torch.no_grad():
+            initial = self.module.dynamics.initial_memory(training.batch)
+            self.memory = Memory(initial.hidden.clone(), initial.cell.clone())
         self.optimisers = {
             "module": _adam(self.module, training.learning_rate, training.betas),
             "judge": _adam(self.judge, training.discriminator_learning_rate, training.betas),
@@ -85,7 +89,8 @@ class ActionPhase:
         length = int(torch.randint(*lengths, (), generator=generator))
         encoded = self.data.sample(generator, training.batch, length)
         self.judge.requires_grad_(False)
-        rebuilt = self.module.reconstruct(encoded, sampling)
+        rebuilt = self.module.reconstruct(encoded, sampling, self._memory(generator))
+        self.memory = Memory(rebuilt.memory.hidden.detach(), rebuilt.memory.cell.detach())
         loss, figures = self._module_loss(encoded, rebuilt)
         self._descend("module", loss, training.learning_rate * share)
         self.judge.requires_grad_(True)
@@ -93,6 +98,12 @@ class ActionPhase:
         loss = losses.discriminator_loss(real, fake)
         self._descend("judge", loss, training.discriminator_learning_rate * share)
         return figures | {"discriminator": loss.item()}
+
+    def _memory(self, generator: torch.Generator) -> Memory:
+        """Where R starts: fresh, or with the memory that the last windows left behind."""
+        fresh = torch.rand(self.training.batch, generator=generator) < self.training.fresh_memory
+        initial = self.module.dynamics.initial_memory(self.training.batch)
+        return choose_memory(fresh.to(initial.hidden.device), initial, self.memory)
 
     def _module_loss(self, encoded: StateSequence, rebuilt: Reconstruction) -> tuple[Tensor, Log]:
         training, estimate = self.training, rebuilt.estimate
@@ -150,8 +161,8 @@ class ActionPhase:
         return figures
 
     def tensors(self) -> dict[str, Tensor]:
-        """Weights and optimisers of both sides."""
-        tensors: dict[str, Tensor] = {}
+        """Weights and optimisers of both sides, and R's memory."""
+        tensors = {"memory.hidden": self.memory.hidden, "memory.cell": self.memory.cell}
         for name, network in self._networks().items():
             tensors |= {f"{name}.{key}": each for key, each in network.state_dict().items()}
             tensors |= optimiser_tensors(self.optimisers[name], f"optimiser_{name}")
@@ -161,8 +172,12 @@ class ActionPhase:
         """Take back what `tensors` gave.
 
         Raises:
-            CheckpointError: It belongs to networks of other sizes.
+            CheckpointError: It belongs to networks or batches of other sizes.
         """
+        memory = {n: t for n, t in tensors.items() if n.startswith("memory.")}
+        own = {"memory.hidden": self.memory.hidden, "memory.cell": self.memory.cell}
+        fit(own, memory, "the action phase's memory")
+        self.memory = Memory(memory["memory.hidden"], memory["memory.cell"])
         for name, network in self._networks().items():
             prefix = f"{name}."
             own = {n[len(prefix) :]: t for n, t in tensors.items() if n.startswith(prefix)}

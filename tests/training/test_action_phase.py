@@ -92,7 +92,7 @@ def test_without_true_actions_there_is_no_agreement(data):
 def test_a_snapshot_of_other_sizes_is_refused(data):
     stored = ActionPhase(data, SMALL, QUICK).tensors()
     wider = dataclasses.replace(SMALL, dynamics_width=20)
-    with pytest.raises(CheckpointError, match="dynamics"):
+    with pytest.raises(CheckpointError, match="memory.hidden"):
         ActionPhase(data, wider, QUICK).restore(stored)
 
 
@@ -124,14 +124,17 @@ def test_a_predicted_style_is_trained(data):
 
 
 def test_the_four_directions_are_discovered_within_seconds(tmp_path):
-    training = ActionTrainingConfig(batch=32, shortest=6, longest=8)
-    config = ActionConfig(actions=6, hidden=48, dynamics_width=48, discriminator_width=16)
+    # Seconds need a higher rate, and are too short for memories that outlive a window.
+    training = ActionTrainingConfig(
+        shortest=6, longest=8, fresh_memory=1.0, action_weight=0.15, learning_rate=4e-3
+    )
+    config = ActionConfig(hidden=64, dynamics_width=64, discriminator_width=16)
     states, held_out = make_states(150, steps=8), make_states(60, steps=8, seed=5).dataset
     phase = ActionPhase(states.dataset, config, training, held_out)
     untrained = phase.evaluate()
-    run(phase, tmp_path, Schedule(220, log_every=220))
+    run(phase, tmp_path, Schedule(400, log_every=400))
     trained = phase.evaluate()
-    assert trained["agreement"] > 0.6 > untrained["agreement"]
-    assert trained["rollout_distance"] < 0.5 * untrained["rollout_distance"]
+    assert trained["agreement"] > 0.8 > 0.6 > untrained["agreement"]
+    assert trained["rollout_distance"] < 0.3 * untrained["rollout_distance"]
     names = {each.name for each in describe_actions(phase.module, held_out.sequences())}
     assert {"left", "right", "forward", "back"} <= names
