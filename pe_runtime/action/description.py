@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import torch
+from jaxtyping import Int
 from torch import Tensor
 
 from pe_runtime.action.module import ActionModule
@@ -44,16 +45,30 @@ class ActionDescription:
     share: float
 
 
+@dataclass(frozen=True)
+class KnownActions:
+    """What was really done, where a recorder knows it; helps only to name what was discovered.
+
+    Attributes:
+        labels: True action of each transition; -1 where unknown.
+        names: Name of each true action.
+    """
+
+    labels: Int[Tensor, "batch moves"]
+    names: tuple[str, ...]
+
+
 @torch.no_grad()
 def describe_actions(
-    module: ActionModule, sequences: StateSequence
+    module: ActionModule, sequences: StateSequence, known: KnownActions | None = None
 ) -> tuple[ActionDescription, ...]:
     """Say in words what each action does, as seen on (encoded) sequences.
 
-    Moving actions are named by direction ("left", "forward-left", ...), standing ones "idle" or,
-    when the pose differs much from the pose of idle, "gesture"; "idle" is the one whose pose is
-    nearest to that of moving objects. Actions never taken are "unused". Repeated names get "-2",
-    "-3", in the order of the actions.
+    Moving actions are named by direction ("left", "forward-left", ...). Standing ones take the name
+    of the true action that most of their steps were, where that is known; otherwise they are "idle"
+    or, when the pose differs much from the pose of idle, "gesture", and "idle" is the one whose
+    pose is nearest to that of moving objects. Actions never taken are "unused". Repeated names get
+    "-2", "-3", in the order of the actions.
     """
     count = module.config.actions
     labels = module.infer(sequences).flatten()
@@ -65,7 +80,8 @@ def describe_actions(
     mean_moves = weights.T @ moves
     mean_poses = weights.T @ sequences.poses[:, 1:].flatten(0, 1)
     spread = sequences.poses.flatten(0, 1).std(dim=0, unbiased=False).norm().item()
-    names = _unique(_names(mean_moves, mean_poses, spread, totals > 0))
+    true = None if known is None else _majority(weights, known)
+    names = _unique(_names(mean_moves, mean_poses, spread, totals > 0, true))
     share = totals / max(labels.numel(), 1)
     return tuple(
         ActionDescription(name, (move[0].item(), move[1].item()), part.item())
@@ -73,7 +89,18 @@ def describe_actions(
     )
 
 
-def _names(moves: Tensor, poses: Tensor, spread: float, used: Tensor) -> list[str]:
+def _majority(weights: Tensor, known: KnownActions) -> list[str | None]:
+    """Name of the true action of more than half of each action's steps, if there is one."""
+    flat = known.labels.flatten()
+    shares = torch.stack([weights.T @ (flat == k).to(weights) for k in range(len(known.names))])
+    most, which = shares.max(dim=0)
+    pairs = zip(most.tolist(), which.tolist(), strict=True)
+    return [known.names[index] if share > 0.5 else None for share, index in pairs]
+
+
+def _names(
+    moves: Tensor, poses: Tensor, spread: float, used: Tensor, true: list[str | None] | None
+) -> list[str]:
     speed = moves.norm(dim=1)
     moving = used & (speed > STILL * speed.max())
     standing = [k for k in range(len(moves)) if used[k] and not moving[k]]
@@ -85,6 +112,8 @@ def _names(moves: Tensor, poses: Tensor, spread: float, used: Tensor) -> list[st
             names.append("unused")
         elif moving[k]:
             names.append(SECTORS[round(math.atan2(forward, right) / (math.pi / 4)) % 8])
+        elif true and true[k]:
+            names.append(true[k])
         else:
             gesture = (poses[k] - poses[idle]).norm().item() > OTHER_POSE * spread
             names.append("gesture" if gesture else "idle")

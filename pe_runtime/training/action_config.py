@@ -7,12 +7,12 @@ from dataclasses import dataclass
 class ActionTrainingConfig:
     """Training of A, R and D on encoded sequences (paper, Sec. 3.4).
 
-    The loss weights suit movements in units of `movement_scale` and normalised poses. Poses weigh
-    more than in the paper and the two action losses less: with the jitter of box-derived positions
-    they would otherwise spend actions on noise instead of telling standing poses apart.
+    The loss weights suit movements in units of `movement_scale` and poses of unit variance. With a
+    much higher `pose_weight`, or lower weights of the two action losses, actions begin to tell
+    phases of a pose apart and confuse the first step of a walk with a gesture.
     """
 
-    steps: int = 1500
+    steps: int = 1000
     batch: int = 64
     """Windows per step, from the sequences of all objects of the class."""
     shortest: int = 6
@@ -27,11 +27,11 @@ class ActionTrainingConfig:
     """Share of the training over which the learning rates rise."""
     clip: float = 1.0
     position_weight: float = 1.0
-    pose_weight: float = 3.0
+    pose_weight: float = 1.0
     style_weight: float = 0.1
     """Without effect unless R predicts styles."""
-    action_weight: float = 0.05
-    movement_weight: float = 0.1
+    action_weight: float = 0.15
+    movement_weight: float = 0.3
     adversarial_weight: float = 0.01
     variability_weight: float = 0.05
     variability_share: float = 0.5

@@ -3,7 +3,7 @@ import math
 import torch
 from synthetic_states import make_states
 
-from pe_runtime.action.description import describe_actions
+from pe_runtime.action.description import KnownActions, describe_actions
 from pe_runtime.action.module import ActionModule
 from pe_runtime.action.sequences import StateSequence
 from pe_runtime.config import ActionConfig
@@ -24,7 +24,7 @@ EIGHT = ["right", "forward-right", "forward", "forward-left", "left", "back-left
 EIGHT += ["back-right"]
 
 
-def described(labels, moves, poses=None):
+def described(labels, moves, poses=None, known=None):
     """Describe given labels of one sequence that makes the given movements."""
     count = int(max(labels)) + 1
     steps = torch.tensor([[x, y, 0.0] for x, y in moves])
@@ -35,7 +35,7 @@ def described(labels, moves, poses=None):
     sequence = StateSequence(
         positions, torch.zeros(1, time, 1), poses, looks_along_y.expand(1, time, 3, 3)
     )
-    return describe_actions(Scripted(torch.tensor([list(labels)]), count), sequence)
+    return describe_actions(Scripted(torch.tensor([list(labels)]), count), sequence, known)
 
 
 def test_the_eight_directions_are_named():
@@ -62,6 +62,13 @@ def test_an_action_never_taken_is_unused():
     found = described([0, 3], [(1, 0), (0, 1)])
     assert [each.name for each in found] == ["right", "unused", "unused-2", "forward"]
     assert found[1].share == 0.0
+
+
+def test_standing_actions_take_the_true_name_of_most_of_their_steps():
+    known = KnownActions(torch.tensor([[0, 2, 2, 1, 1, -1]]), ("walk", "wave", "wait"))
+    moves = [(1, 0), (0, 0), (0, 0), (0, 0), (0, 0), (0, 0)]
+    found = described([0, 1, 1, 2, 2, 3], moves, known=known)
+    assert [each.name for each in found] == ["right", "wait", "wave", "idle"]
 
 
 def test_a_sequence_without_any_movement_is_idle_throughout():

@@ -69,6 +69,23 @@ class Breaking:
         return getattr(self.phase, name)
 
 
+def test_memories_grow_older_than_the_sequences(data):
+    phase = ActionPhase(data, SMALL, dataclasses.replace(QUICK, fresh_memory=0.0))
+    phase.step(0.0)
+    left_behind = phase.memory
+    begun_with = []
+    reconstruct = phase.module.reconstruct
+
+    def watched(sequence, sampling, memory):
+        begun_with.append(memory)
+        return reconstruct(sequence, sampling, memory)
+
+    phase.module.reconstruct = watched
+    phase.step(0.0)
+    assert torch.equal(begun_with[0].hidden, left_behind.hidden)
+    assert not torch.equal(phase.memory.hidden, left_behind.hidden)
+
+
 def test_two_seeds_differ_and_one_seed_repeats(data, tmp_path):
     phases = [ActionPhase(data, SMALL, dataclasses.replace(QUICK, seed=seed)) for seed in (0, 0, 1)]
     for number, phase in enumerate(phases):
