@@ -26,6 +26,7 @@ class Clips:
         positions: True ground positions in metres, for evaluation only.
         actions: True actions between frames, for evaluation only; -1 where unknown.
         players: Names of the playable objects.
+        action_names: Names of the true actions, where a recorder knows them.
     """
 
     images: UInt8[Tensor, "clips time height width 3"]
@@ -35,6 +36,7 @@ class Clips:
     positions: Float[Tensor, "clips time players 3"]
     actions: Int[Tensor, "clips steps players"]
     players: tuple[str, ...]
+    action_names: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Number of clips."""
@@ -103,7 +105,9 @@ def load_clips(root: str | Path, view: int = 0, limit: int | None = None) -> Cli
             f"the sequences of {root} differ in length or size: {problem}"
         ) from problem
     tensors = {name: torch.from_numpy(each) for name, each in stacked.items()}
-    return Clips(torch.from_numpy(images), **tensors, players=tuple(info.objects))
+    return Clips(
+        torch.from_numpy(images), **tensors, players=info.objects, action_names=info.actions
+    )
 
 
 def _frames(episode: Episode, view: int) -> np.ndarray:

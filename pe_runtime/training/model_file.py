@@ -7,7 +7,7 @@ from typing import Any
 
 import torch
 
-from pe_runtime.action.description import describe_actions
+from pe_runtime.action.description import KnownActions, describe_actions
 from pe_runtime.action.module import ActionModule
 from pe_runtime.checkpoint import load_checkpoint, save_checkpoint
 from pe_runtime.config import ModelConfig, as_dict, from_dict
@@ -30,6 +30,9 @@ def train_model_actions(
     on_log: Callable[[int, Log], None] | None = None,
 ) -> Path:
     """Learn the actions of every playable class and write OUTPUT/model.safetensors.
+
+    No label enters the training. Where the recorder knows what was done, it only helps to name
+    the discovered actions.
 
     Args:
         synthesis: Trained synthesis module, or a model whose actions are learnt anew.
@@ -67,7 +70,11 @@ def train_model_actions(
         )
         run(phase, Path(output) / name, schedule, resume, on_log)
         modules[name] = phase.module.eval()
-        described[name] = [asdict(d) for d in describe_actions(modules[name], dataset.sequences())]
+        known = None
+        if dataset.true_actions is not None and clips.action_names:
+            known = KnownActions(dataset.true_actions, clips.action_names)
+        found = describe_actions(modules[name], dataset.sequences(), known)
+        described[name] = [asdict(each) for each in found]
     path = Path(output) / "model.safetensors"
     facts = {
         "training": {"synthesis_steps": header.get("steps"), "actions": asdict(training)},
