@@ -243,7 +243,7 @@ class SynthesisConfig:
 
 @dataclass(frozen=True)
 class Quality:
-    """What one render quality skips beyond the exact skips; `pe bench` shows what each costs."""
+    """What one render quality leaves out, beyond what can be skipped without changing a pixel."""
 
     weight_threshold: float = 0.0
     """Samples with less weight than this get no features."""

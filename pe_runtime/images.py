@@ -38,21 +38,6 @@ def read_image(path: str | Path) -> np.ndarray:
     return srgb_from_linear(np.clip(colours, 0.0, 1.0).astype(np.float32))
 
 
-def read_mask(path: str | Path) -> np.ndarray:
-    """Read an id mask as (height, width) uint8; values are kept as they are.
-
-    Raises:
-        ImageError: The file is missing, damaged, or not 8-bit with one channel.
-    """
-    pixels, _ = _read(path)
-    if pixels.dtype != np.uint8 or pixels.shape[2] != 1:
-        raise ImageError(
-            f"{path}: expected an 8-bit mask of one channel, found {pixels.shape[2]} channels of "
-            f"{pixels.dtype}; write masks with write_png"
-        )
-    return pixels[..., 0]
-
-
 def read_metadata(path: str | Path) -> dict[str, str]:
     """Text entries that ``write_png`` or ``write_exr`` stored; empty if the file is unreadable."""
     source = oiio.ImageInput.open(str(path))

@@ -8,7 +8,6 @@ from pe_runtime.images import (
     check_finite,
     linear_from_srgb,
     read_image,
-    read_mask,
     read_metadata,
     srgb_from_linear,
     to_uint8,
@@ -152,13 +151,11 @@ def test_nan_depth_is_refused_and_infinite_depth_is_not(tmp_path):
     check_finite(np.zeros(3), "here")
 
 
-def test_a_mask_comes_back_as_it_was_and_a_picture_is_no_mask(tmp_path):
+def test_a_mask_keeps_its_values_and_reads_as_a_grey_picture(tmp_path):
     mask = np.array([[0, 1], [2, 255]], np.uint8)
     write_png(tmp_path / "a.png", mask)
-    np.testing.assert_array_equal(read_mask(tmp_path / "a.png"), mask)
-    write_png(tmp_path / "b.png", ALL_BYTES)
-    with pytest.raises(ImageError, match="one channel"):
-        read_mask(tmp_path / "b.png")
+    picture = np.rint(read_image(tmp_path / "a.png") * 255)
+    np.testing.assert_array_equal(picture, np.repeat(mask[..., None], 3, axis=-1))
 
 
 def test_missing_and_truncated_files_are_refused_by_name(tmp_path):
