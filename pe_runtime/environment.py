@@ -198,9 +198,11 @@ class PlayableEnvironment:
             after = result.state
             objects[name] = ObjectState(
                 after.position[0].cpu(),
-                after.style[0].cpu(),
+                # R may predict styles; an object still looks as it was told to look.
+                state[name].style,
                 after.pose[0].cpu(),
                 state[name].visible,
+                state[name].heading if after.heading is None else float(after.heading[0]),
             )
         return EnvironmentState(objects), Memory(remembered)
 
@@ -235,6 +237,7 @@ class PlayableEnvironment:
                 torch.stack([p.style for p in players], dim=1),
                 torch.stack([p.pose for p in players], dim=1),
                 rotations,
+                torch.stack([p.heading for p in players], dim=1),
             )
             found[name] = self._module(name, 0).infer(sequence)[0].cpu().numpy()
         return found
@@ -303,12 +306,14 @@ class PlayableEnvironment:
             state.position[None].to(self.device),
             state.style[None].to(self.device),
             state.pose[None].to(self.device),
+            torch.tensor([state.heading], dtype=torch.float32, device=self.device),
         )
 
     def _codes(self, state: ObjectState) -> Codes:
         player = self._player(state)
         visible = torch.tensor([state.visible], device=self.device)
-        return Codes(player.position, player.style, player.pose, visible)
+        heading = player.heading if state.heading else None
+        return Codes(player.position, player.style, player.pose, visible, heading)
 
 
 def find_model(model: str | Path) -> Path:
@@ -336,4 +341,5 @@ def _load(module: torch.nn.Module, tensors: Mapping[str, Tensor], prefix: str, w
 
 def _state(codes: Codes) -> ObjectState:
     at, style, pose = codes.position[0], codes.style[0], codes.pose[0]
-    return ObjectState(at.cpu(), style.cpu(), pose.cpu(), bool(codes.visible[0]))
+    heading = 0.0 if codes.heading is None else float(codes.heading[0])
+    return ObjectState(at.cpu(), style.cpu(), pose.cpu(), bool(codes.visible[0]), heading)

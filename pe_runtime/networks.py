@@ -38,12 +38,14 @@ class Codes:
         style: w of each frame.
         pose: pi of each frame.
         visible: Whether the object is there to be drawn.
+        heading: Radians about the world's z axis; None where objects keep the world's axes.
     """
 
     position: Float[Tensor, "frames 3"]
     style: Float[Tensor, "frames style"]
     pose: Float[Tensor, "frames pose"]
     visible: Bool[Tensor, " frames"]
+    heading: Float[Tensor, " frames"] | None = None
 
 
 class SynthesisNetworks(nn.Module):
@@ -138,7 +140,9 @@ class SynthesisNetworks(nn.Module):
                 continue
             field = self.fields[each.class_name]
             objects.append(
-                SceneObject(field, found.position, found.style, found.pose, found.visible)
+                SceneObject(
+                    field, found.position, found.style, found.pose, found.visible, found.heading
+                )
             )
         return objects
 

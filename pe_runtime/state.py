@@ -5,6 +5,7 @@ branching are free.
 """
 
 import dataclasses
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -28,12 +29,14 @@ class ObjectState:
         style: Appearance code w.
         pose: Deformation code pi; empty for static objects.
         visible: Whether the renderer draws it.
+        heading: Turn about the world's z axis, radians; 0 where its axes are the world's.
     """
 
     position: Float[Tensor, "3"]
     style: Float[Tensor, " style"]
     pose: Float[Tensor, " pose"]
     visible: bool = True
+    heading: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,11 @@ def move(state: EnvironmentState, name: str, position: Float[Tensor, "3"]) -> En
     return change(state, name, position=position)
 
 
+def turn(state: EnvironmentState, name: str, heading: float) -> EnvironmentState:
+    """Turn an object about the vertical to a heading (radians)."""
+    return change(state, name, heading=heading)
+
+
 def restyle(state: EnvironmentState, name: str, style: Float[Tensor, " style"]) -> EnvironmentState:
     """Give an object another appearance code; it must have the same length."""
     _same_length(state[name].style, style, f"style of {name!r}")
@@ -90,6 +98,8 @@ def show(state: EnvironmentState, name: str) -> EnvironmentState:
 def blend(a: EnvironmentState, b: EnvironmentState, weight: float) -> EnvironmentState:
     """The state between two: positions, styles and poses at (1 - weight) a + weight b.
 
+    Headings take the shorter way round.
+
     Args:
         a: State at weight 0; its visibility is kept.
         b: State at weight 1, with the same objects.
@@ -105,6 +115,7 @@ def blend(a: EnvironmentState, b: EnvironmentState, weight: float) -> Environmen
             position=_mix(first.position, second.position, weight),
             style=_mix(first.style, second.style, weight),
             pose=_mix(first.pose, second.pose, weight),
+            heading=_between(first.heading, second.heading, weight),
         )
     return EnvironmentState(objects)
 
@@ -119,6 +130,7 @@ def state_as_dict(state: EnvironmentState) -> dict[str, Any]:
                 "style": each.style.tolist(),
                 "pose": each.pose.tolist(),
                 "visible": each.visible,
+                "heading": each.heading,
             }
             for name, each in state.objects.items()
         },
@@ -157,12 +169,21 @@ def _object_from(values: Any, name: str) -> ObjectState:  # noqa: ANN401
     visible = values.get("visible", True)
     if not isinstance(visible, bool):
         raise ConfigError(f"visible of {name!r} must be true or false, found {visible!r}")
-    return ObjectState(**codes, visible=visible)
+    heading = values.get("heading", 0.0)
+    if isinstance(heading, bool) or not isinstance(heading, int | float):
+        raise ConfigError(f"heading of {name!r} must be a number of radians, found {heading!r}")
+    if not math.isfinite(heading):
+        raise ConfigError(f"heading of {name!r} must be finite, found {heading!r}")
+    return ObjectState(**codes, visible=visible, heading=float(heading))
 
 
 def _same_length(old: Tensor, new: Tensor, what: str) -> None:
     if old.shape != new.shape:
         raise ConfigError(f"{what} has {old.numel()} numbers; {new.numel()} were given")
+
+
+def _between(first: float, second: float, weight: float) -> float:
+    return second if weight == 1.0 else first + weight * math.remainder(second - first, math.tau)
 
 
 def _mix(first: Tensor, second: Tensor, weight: float) -> Tensor:

@@ -15,11 +15,13 @@ class PlayerState:
         position: Metres, world; z is the height above the ground and is never predicted.
         style: Appearance code w.
         pose: Deformation code pi.
+        heading: Radians about the world's z axis; None where objects keep the world's axes.
     """
 
     position: Float[Tensor, "batch 3"]
     style: Float[Tensor, "batch style"]
     pose: Float[Tensor, "batch pose"]
+    heading: Float[Tensor, " batch"] | None = None
 
 
 @dataclass(frozen=True)
@@ -31,12 +33,14 @@ class StateSequence:
         styles: Appearance codes.
         poses: Deformation codes.
         world_from_camera: Rotations of the cameras (OpenCV axes).
+        headings: Radians about the world's z axis; None where objects keep the world's axes.
     """
 
     positions: Float[Tensor, "batch time 3"]
     styles: Float[Tensor, "batch time style"]
     poses: Float[Tensor, "batch time pose"]
     world_from_camera: Float[Tensor, "batch time 3 3"]
+    headings: Float[Tensor, "batch time"] | None = None
 
     def at(self, step: int) -> PlayerState:
         """The states at one step."""

@@ -38,13 +38,17 @@ class Rays:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """One object as the renderer sees it, in every frame of a batch."""
+    """One object as the renderer sees it, in every frame of a batch.
+
+    `heading` turns it about the world's z axis, in radians; None keeps the world's axes.
+    """
 
     field: ObjectField
     position: Float[Tensor, "frames 3"]
     style: Float[Tensor, "frames style"]
     pose: Float[Tensor, "frames pose"]
     visible: Bool[Tensor, " frames"]
+    heading: Float[Tensor, " frames"] | None = None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,50 @@
+"""Frames of reference of the authors' release, and how they become ours.
+
+    their camera axes (OpenGL's)       ours (OpenCV's)
+        y up                             z forward
+        |  -z forward                   /
+        | /                            +---- x right
+        +---- x right                  |
+                                       y down
+
+Their worlds are right-handed with z up (tennis) or y up (Minecraft); ours is Z up. Poses are Euler
+angles (`geometry.native_world`) and a translation; both map from the object or camera into the
+world. The ray of their pixel (row, col) passes through ((col - W/2) / f, -(row - H/2) / f, -1); the
+strided grids that they and we shoot from meet the same points.
+"""
+
+import numpy as np
+import torch
+
+from pe_runtime.contract.camera import OPENCV_FROM_BLENDER_AXES, Camera
+from pe_runtime.geometry.native_world import WORLD_FROM_NATIVE, rotation_from_euler
+
+
+def camera_from_theirs(
+    angles: np.ndarray, translation: np.ndarray, focal: float, size: tuple[int, int], up: str
+) -> Camera:
+    """Our camera for one of theirs.
+
+    Args:
+        angles: (a, b, c) radians, camera to world.
+        translation: Camera position, metres, their world.
+        focal: Pixels of an image of the given size.
+        size: Width and height in pixels; the principal point is the middle.
+        up: Up axis of their world, "z" or "y".
+
+    Raises:
+        CameraError: A number is not finite or the focal length not positive.
+    """
+    turn = WORLD_FROM_NATIVE[up].numpy()
+    pose = np.eye(4)
+    native = torch.from_numpy(np.asarray(angles, np.float64))
+    pose[:3, :3] = turn @ rotation_from_euler(native).numpy()
+    pose[:3, 3] = turn @ np.asarray(translation, np.float64)
+    width, height = size
+    intrinsics = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1]], np.float64)
+    return Camera(width, height, intrinsics, pose @ OPENCV_FROM_BLENDER_AXES)
+
+
+def positions_from_theirs(translations: np.ndarray, up: str) -> np.ndarray:
+    """Points (..., 3) of their world in ours, metres, float64."""
+    return np.asarray(translations, np.float64) @ WORLD_FROM_NATIVE[up].numpy().T
