@@ -23,7 +23,7 @@ from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import CheckpointError, ConfigError
 from pe_runtime.geometry.cameras import Cameras
 from pe_runtime.networks import Codes, SynthesisNetworks
-from pe_runtime.rendering.renderer import RenderSettings
+from pe_runtime.rendering.scene import RenderSettings
 from pe_runtime.state import EnvironmentState, ObjectState
 
 MODELS = Path(__file__).parent / "models"

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float, Int
@@ -18,15 +18,11 @@ from pe_runtime.perception.object_encoder import (
     cut_out,
     view_features,
 )
-from pe_runtime.rendering.feature_renderer import FeatureRenderer
-from pe_runtime.rendering.renderer import (
-    Composition,
-    Rays,
-    RenderSettings,
-    SceneObject,
-    compose,
-)
+from pe_runtime.rendering.feature_renderer import build_feature_renderer
+from pe_runtime.rendering.release_2022 import release_2022
+from pe_runtime.rendering.renderer import Composition, compose
 from pe_runtime.rendering.sampling import grid_pixels
+from pe_runtime.rendering.scene import Rays, RenderSettings, SceneObject
 
 
 @dataclass(frozen=True)
@@ -63,7 +59,7 @@ class SynthesisNetworks(nn.Module):
             {n: ObjectField(c, features) for n, c in config.classes.items()}
         )
         self.encoders = nn.ModuleDict({n: ObjectEncoder(c) for n, c in config.classes.items()})
-        self.feature_renderer = FeatureRenderer(config.feature_renderer)
+        self.feature_renderer = build_feature_renderer(config.feature_renderer)
 
     def encode(
         self,
@@ -133,18 +129,29 @@ class SynthesisNetworks(nn.Module):
 
     def scene(self, codes: Mapping[str, Codes]) -> list[SceneObject]:
         """The renderer's view of a batch of states; objects that are never visible are left out."""
-        objects = []
-        for each in self.config.objects:
-            found = codes.get(each.name)
-            if found is None or not bool(found.visible.any()):
-                continue
-            field = self.fields[each.class_name]
-            objects.append(
-                SceneObject(
-                    field, found.position, found.style, found.pose, found.visible, found.heading
-                )
+        classes = {each.name: each.class_name for each in self.config.objects}
+        return [
+            SceneObject(
+                self.fields[classes[name]],
+                codes[name].position,
+                codes[name].style,
+                codes[name].pose,
+                codes[name].visible,
+                codes[name].heading,
             )
-        return objects
+            for name in self._drawn(codes)
+        ]
+
+    def _drawn(self, codes: Mapping[str, Codes]) -> list[str]:
+        """Names of the objects that the renderer needs to know of."""
+        names = [o.name for o in self.config.objects if o.name in codes]
+        # In the authors' quadrature even a hidden sky ends what stands before it.
+        kept = "sky" if self.config.quadrature == "release-2022" else None
+        kinds = {name: self.config.class_of(name).kind for name in names}
+        return [n for n in names if kinds[n] == kept or bool(codes[n].visible.any())]
+
+    def _complete(self, settings: RenderSettings) -> RenderSettings:
+        return replace(settings, release=release_2022(self.config))
 
     def synthesise(
         self,
@@ -178,7 +185,7 @@ class SynthesisNetworks(nn.Module):
         frames = torch.cat(frame).to(device)
         directions = ray_directions(cameras, frames, torch.cat(pixels).to(device))
         rays = Rays(cameras.centres, directions, frames)
-        composed = compose(rays, self.scene(codes), groups, settings)
+        composed = compose(rays, self.scene(codes), groups, self._complete(settings))
         return self.feature_renderer(self._as_maps(composed.features, len(corners), size))
 
     def _channels(self) -> list[slice]:
@@ -208,7 +215,7 @@ class SynthesisNetworks(nn.Module):
         # F reflects its borders, for which the coarsest map needs two rows and two columns.
         cells = [max(2, -(-extent // coarsest)) for extent in (camera.height, camera.width)]
         size = (cells[0] * coarsest, cells[1] * coarsest)
-        objects, features = self.scene(codes), []
+        objects, settings, features = self.scene(codes), self._complete(settings), []
         statistics: dict[str, int] = {}
         for stride, channels in zip(
             self.config.feature_renderer.strides, self._channels(), strict=True
@@ -237,9 +244,8 @@ class SynthesisNetworks(nn.Module):
             Planar depth in metres, +inf where nothing solid covers half the pixel, and the share
             of each pixel that each visible object covers.
         """
-        objects = self.scene(codes)
-        names = [o.name for o in self.config.objects if o.name in codes]
-        names = [n for n in names if bool(codes[n].visible.any())]
+        objects, settings = self.scene(codes), self._complete(settings)
+        names = self._drawn(codes)
         pixels = grid_pixels(0, 0, camera.height, camera.width, 1)
         parts: list[Composition] = [
             compose(rays, objects, [], settings) for rays in _chunks(camera, pixels, chunk)

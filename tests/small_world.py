@@ -27,7 +27,7 @@ from pe_runtime.dataset import Clips
 from pe_runtime.environment import PlayableEnvironment
 from pe_runtime.geometry.cameras import Cameras, ray_directions
 from pe_runtime.networks import Codes, SynthesisNetworks
-from pe_runtime.rendering.renderer import Rays
+from pe_runtime.rendering.scene import Rays
 
 WIDTH, HEIGHT = 32, 16
 ACTIONS = ("idle", "left", "right")

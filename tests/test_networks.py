@@ -17,7 +17,7 @@ from small_world import (
 
 from pe_runtime.geometry.cameras import Cameras, ray_directions
 from pe_runtime.networks import SynthesisNetworks
-from pe_runtime.rendering.renderer import RenderSettings
+from pe_runtime.rendering.scene import RenderSettings
 from pe_runtime.rendering.sampling import grid_pixels
 
 SETTINGS = RenderSettings(bucket=16)

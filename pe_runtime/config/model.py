@@ -112,6 +112,11 @@ class ModelConfig:
         demand(self.steps_per_second > 0, "model: steps_per_second above 0")
         demand_one_of(self.quadrature, QUADRATURES, "model: quadrature")
         demand_one_of(self.native_up, ("z", "y"), "model: native_up")
+        hard = [name for name, each in self.classes.items() if each.opaque and each.kind != "sky"]
+        ours = self.quadrature == "interval" or not hard
+        demand(
+            ours, f"model: no opaque class under {self.quadrature!r}, which has none, not {hard}"
+        )
         names = [each.name for each in self.objects]
         demand(len(set(names)) == len(names), f"model: object names that differ, not {names}")
         for each in self.objects:

@@ -26,6 +26,10 @@ class RayBending(nn.Module):
         self.layers = stack([self.encoding.features, *[config.width] * config.depth])
         self.pose = nn.Linear(pose_features, config.width, bias=False)
         nn.init.normal_(self.pose.weight, std=1 / math.sqrt(max(pose_features, 1)))
+        self.skip = config.skip
+        if config.skip:
+            self.skip_encoding = nn.Linear(self.encoding.features, config.width, bias=False)
+            self.skip_pose = nn.Linear(pose_features, config.width, bias=False)
         self.output = nn.Linear(config.width, 3)
         # Near zero starves the pose of gradient, and much more scrambles the space at the start.
         nn.init.normal_(self.output.weight, std=config.output_scale)
@@ -47,7 +51,11 @@ class RayBending(nn.Module):
         Returns:
             Canonical positions, kept inside the volume.
         """
-        hidden = self.layers[0](self.encoding(points)) + per_ray(self.pose(pose), frame)
-        for layer in self.layers[1:]:
+        encoded = self.encoding(points)
+        hidden = self.layers[0](encoded) + per_ray(self.pose(pose), frame)
+        for index, layer in enumerate(self.layers[1:], start=1):
             hidden = layer(torch.relu(hidden))
+            if index == self.skip:
+                again = per_ray(self.skip_pose(pose), frame)
+                hidden = hidden + self.skip_encoding(encoded) + again
         return (points + self.output(torch.relu(hidden)).float()).clamp(-1.0, 1.0)

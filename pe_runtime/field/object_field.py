@@ -31,7 +31,10 @@ class ObjectField(nn.Module):
         low, high = torch.tensor(config.low), torch.tensor(config.high)
         self.register_buffer("middle", (low + high) / 2, persistent=False)
         self.register_buffer("extent", (high - low) / 2, persistent=False)
-        self.encoding = PositionalEncoding(len(config.axes), field.octaves, field.base_frequency)
+        # A sky that sees the camera's place has it behind the three numbers of the direction.
+        self.entering = [*config.axes, *((3, 4, 5) if config.sees_origin else ())]
+        entering = len(self.entering)
+        self.encoding = PositionalEncoding(entering, field.octaves, field.base_frequency)
         self.layers = stack([self.encoding.features, *[field.width] * field.depth])
         if field.skip:
             self.skip = nn.Linear(self.encoding.features, field.width, bias=False)
@@ -39,11 +42,12 @@ class ObjectField(nn.Module):
         if config.bending is not None:
             self.bending = RayBending(config.bending, config.pose_features)
         self.density = None if config.opaque else nn.Linear(field.width, 1)
-        self.head = stack([field.width, field.head_width, field.head_width])
+        widths = [field.head_width, field.branch_width or field.head_width]
+        self.head = stack([field.width, *widths])
         self.modulations = nn.ModuleList(
-            Modulation(config.style_features, field.head_width) for _ in range(2)
+            Modulation(config.style_features, width) for width in widths
         )
-        self.output = nn.Linear(field.head_width, features)
+        self.output = nn.Linear(widths[-1], features)
 
     def coordinates(self, points: Float[Tensor, "*batch 3"]) -> Float[Tensor, "*batch 3"]:
         """Object-frame points (metres) in half box sizes around the volume's middle."""
@@ -51,20 +55,21 @@ class ObjectField(nn.Module):
 
     def trunk(
         self,
-        coordinates: Float[Tensor, "rays samples 3"],
+        coordinates: Float[Tensor, "rays samples coordinates"],
         frame: Int[Tensor, " rays"],
         pose: Float[Tensor, "frames pose"],
     ) -> Float[Tensor, "rays samples width"]:
         """Hidden features of sample points, after bending.
 
         Args:
-            coordinates: Positions in half box sizes; for a sky, unit ray directions.
+            coordinates: Positions in half box sizes; for a sky, unit ray directions, and with
+                `sees_origin` the camera's place in box sizes.
             frame: Frame of each ray.
             pose: Pose codes of the frames; ignored by classes that do not bend.
         """
         if self.bending is not None:
             coordinates = self.bending(coordinates, frame, pose)
-        encoded = self.encoding(coordinates[..., list(self.config.axes)])
+        encoded = self.encoding(coordinates[..., self.entering])
         hidden = torch.relu(self.layers[0](encoded))
         for index, layer in enumerate(self.layers[1:], start=1):
             hidden = layer(hidden)
@@ -76,7 +81,7 @@ class ObjectField(nn.Module):
     def densities(
         self, hidden: Float[Tensor, "rays samples width"], noise: float = 0.0
     ) -> Float[Tensor, "rays samples"]:
-        """Density sigma >= 0 per metre, softplus of the trunk's output.
+        """Density sigma >= 0 per metre, softplus (or ReLU) of the trunk's output.
 
         Args:
             hidden: Output of `trunk`.
@@ -85,6 +90,8 @@ class ObjectField(nn.Module):
         raw = self.density(hidden)[..., 0].float()
         if noise > 0:
             raw = raw + noise * torch.randn_like(raw)
+        if self.config.field.density == "relu":
+            return torch.relu(raw) * self.config.field.density_scale
         return nn.functional.softplus(raw - DENSITY_SHIFT) * self.config.field.density_scale
 
     def branch(

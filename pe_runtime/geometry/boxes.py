@@ -15,6 +15,7 @@ def intersect_box(
     low: Float[Tensor, "3"],
     high: Float[Tensor, "3"],
     near: float,
+    offset: Float[Tensor, "3"] | None = None,
 ) -> tuple[Float[Tensor, " rays"], Float[Tensor, " rays"], Bool[Tensor, " rays"]]:
     """Where rays enter and leave a box (slab method).
 
@@ -24,11 +25,14 @@ def intersect_box(
         low: Lower corner, metres.
         high: Upper corner, metres.
         near: Ray parameter before which nothing counts; a camera inside the box enters there.
+        offset: Added to the directions for the crossings (the "release-2022" quadrature).
 
     Returns:
         Entry and exit parameters, and whether the ray passes through the box at all. Both are 0
         where it does not. A ray that only touches an edge or a face passes through nothing.
     """
+    if offset is not None:
+        directions = directions + offset
     parallel = directions == 0
     safe = torch.where(parallel, torch.ones_like(directions), directions)
     first = (low - origins) / safe

@@ -1,5 +1,7 @@
 """Composition of all objects along a ray, as pure functions named after the equations."""
 
+from collections.abc import Callable
+
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -34,7 +36,9 @@ def weights_from_thickness(
 
 
 def composite(
-    depth: Float[Tensor, "rays samples"], thickness: Float[Tensor, "rays samples"]
+    depth: Float[Tensor, "rays samples"],
+    thickness: Float[Tensor, "rays samples"],
+    extend: Callable[[Tensor, Tensor], Tensor] | None = None,
 ) -> Float[Tensor, "rays samples"]:
     """Weights of unsorted samples of all objects together, in the order in which they came.
 
@@ -44,9 +48,14 @@ def composite(
     Args:
         depth: Ray parameter of each sample.
         thickness: Optical thickness of each sample; 0 where an object is missed.
+        extend: Turns sorted depths and thicknesses into thicknesses, for quadratures in which the
+            neighbours on the ray decide how far a sample reaches.
     """
     if depth.shape[1] == 0:
         return thickness
     order = torch.argsort(depth, dim=-1, stable=True)
-    sorted_weights = weights_from_thickness(torch.gather(thickness, 1, order))
+    thickness = torch.gather(thickness, 1, order)
+    if extend is not None:
+        thickness = extend(torch.gather(depth, 1, order), thickness)
+    sorted_weights = weights_from_thickness(thickness)
     return torch.empty_like(sorted_weights).scatter(1, order, sorted_weights)

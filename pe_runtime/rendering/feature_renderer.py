@@ -5,6 +5,14 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from pe_runtime.config import FeatureRendererConfig
+from pe_runtime.rendering.convolutions import convolution
+from pe_runtime.rendering.paper_renderer import PaperFeatureRenderer
+
+
+def build_feature_renderer(config: FeatureRendererConfig) -> nn.Module:
+    """F in the design that the configuration asks for; both take maps and give pictures."""
+    designs = {"light": FeatureRenderer, "paper": PaperFeatureRenderer}
+    return designs[config.design](config)
 
 
 class Residual(nn.Module):
@@ -12,8 +20,8 @@ class Residual(nn.Module):
 
     def __init__(self, width: int) -> None:
         super().__init__()
-        self.first = _convolution(width, width)
-        self.second = _convolution(width, width)
+        self.first = convolution(width, width)
+        self.second = convolution(width, width)
         nn.init.zeros_(self.second.weight)
 
     def forward(
@@ -40,14 +48,14 @@ class FeatureRenderer(nn.Module):
         self.blocks = nn.ModuleList()
         coarser = 0
         for features, width in reversed(list(zip(config.features, config.widths, strict=True))):
-            self.inputs.append(_convolution(features + coarser, width))
+            self.inputs.append(convolution(features + coarser, width))
             self.blocks.append(nn.Sequential(*[Residual(width) for _ in range(config.blocks)]))
             coarser = width
         self.outputs = nn.ModuleList()
         for width in config.output_widths:
-            self.outputs.append(_convolution(coarser, width))
+            self.outputs.append(convolution(coarser, width))
             coarser = width
-        self.picture = _convolution(coarser, 3)
+        self.picture = convolution(coarser, 3)
         nn.init.zeros_(self.picture.weight)
 
     def forward(
@@ -69,13 +77,6 @@ class FeatureRenderer(nn.Module):
             coarse = _doubled(coarse)
         logits = self.picture(torch.relu(hidden)).float() + coarse.float()
         return torch.sigmoid(logits)
-
-
-def _convolution(narrow: int, wide: int) -> nn.Conv2d:
-    layer = nn.Conv2d(narrow, wide, 3, padding=1, padding_mode="reflect")
-    nn.init.kaiming_normal_(layer.weight, nonlinearity="relu")
-    nn.init.zeros_(layer.bias)
-    return layer
 
 
 def _doubled(hidden: Tensor) -> Tensor:

@@ -9,79 +9,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import torch
-from jaxtyping import Bool, Float, Int
+from jaxtyping import Float
 from torch import Tensor
 
-from pe_runtime.field.object_field import ObjectField
-from pe_runtime.geometry.boxes import intersect_box
-from pe_runtime.rendering.compositing import OPAQUE, composite
-from pe_runtime.rendering.sampling import sample_intervals
-
-SKY_DEPTH = 1e9
-"""Planar depth of a sky in metres: behind everything, and finite so that products stay finite."""
-
-
-@dataclass(frozen=True)
-class Rays:
-    """Rays of several frames.
-
-    Attributes:
-        centres: Camera centre of each frame, metres; float64 so that far-away cameras stay exact.
-        directions: World directions per metre of planar depth; float64.
-        frame: Frame of each ray.
-    """
-
-    centres: Float[Tensor, "frames 3"]
-    directions: Float[Tensor, "rays 3"]
-    frame: Int[Tensor, " rays"]
-
-
-@dataclass(frozen=True)
-class SceneObject:
-    """One object as the renderer sees it, in every frame of a batch.
-
-    `heading` turns it about the world's z axis, in radians; None keeps the world's axes.
-    """
-
-    field: ObjectField
-    position: Float[Tensor, "frames 3"]
-    style: Float[Tensor, "frames style"]
-    pose: Float[Tensor, "frames pose"]
-    visible: Bool[Tensor, " frames"]
-    heading: Float[Tensor, " frames"] | None = None
-
-
-@dataclass(frozen=True)
-class RenderSettings:
-    """How rays are sampled and what is left out.
-
-    Attributes:
-        near: Planar depth before which nothing is drawn, metres.
-        jitter: Draw samples at random places of their intervals (training).
-        density_noise: Standard deviation of noise on raw densities (training).
-        weight_threshold: Samples of no more weight than this get no features; 0 is exact.
-        sample_share: Share of each class's samples that is drawn.
-        bucket: Row counts are padded to multiples of this, so that kernels are not re-tuned.
-    """
-
-    near: float = 0.05
-    jitter: bool = False
-    density_noise: float = 0.0
-    weight_threshold: float = 0.0
-    sample_share: float = 1.0
-    bucket: int = 256
-
-
-@dataclass(frozen=True)
-class _Passage:
-    """The samples of one object on the rays that pass through it (padded to a full bucket)."""
-
-    rays: Int[Tensor, " hits"]
-    frame: Int[Tensor, " hits"]
-    depth: Float[Tensor, "hits samples"]
-    coordinates: Float[Tensor, "hits samples 3"]
-    thickness: Float[Tensor, "hits samples"]
-    hidden: Float[Tensor, "hits samples width"] | None
+from pe_runtime.rendering.compositing import composite
+from pe_runtime.rendering.passages import Passage, padded, pass_through, with_dummy
+from pe_runtime.rendering.release_2022 import carve, thickness_to_next
+from pe_runtime.rendering.scene import Rays, RenderSettings, SceneObject
 
 
 @dataclass(frozen=True)
@@ -122,9 +56,9 @@ def compose(
         Features of each group, and depth and object weights of all rays.
     """
     count = rays.directions.shape[0]
-    rays = _with_dummy(rays)
-    passages = [_pass_through(rays, each, settings) for each in objects]
-    weights = _weigh(passages, count, rays.directions.device)
+    rays = with_dummy(rays)
+    passages = [pass_through(rays, each, settings) for each in objects]
+    weights = _weigh(passages, objects, count, settings)
     shares = [_share(passage, w, count) for passage, w in zip(passages, weights, strict=True)]
     device = rays.directions.device
     features = [torch.zeros(1, device=device) for _ in groups]
@@ -157,84 +91,49 @@ def _length(part: slice, whole: int) -> int:
     return (whole if part.stop is None else part.stop) - (part.start or 0)
 
 
-def _with_dummy(rays: Rays) -> Rays:
-    """Append one ray that pads buckets; nothing that happens to it is looked at."""
-    ahead = torch.tensor([[0.0, 0.0, 1.0]], dtype=torch.float64, device=rays.directions.device)
-    directions = torch.cat([rays.directions.double(), ahead])
-    return Rays(rays.centres, directions, torch.cat([rays.frame, rays.frame.new_zeros(1)]))
-
-
-def _pass_through(rays: Rays, each: SceneObject, settings: RenderSettings) -> _Passage:
-    """Sample one object: rays that meet its volume, sample places, optical thickness."""
-    if each.field.config.kind == "sky":
-        return _sky(rays, each)
-    config, field = each.field.config, each.field
-    # Subtract in float64: far from the world's origin the difference is what has the digits.
-    origins = (rays.centres - each.position.double())[rays.frame]
-    low, high = origins.new_tensor(config.low), origins.new_tensor(config.high)
-    near, far, hit = intersect_box(origins, rays.directions, low, high, settings.near)
-    hit = hit & each.visible[rays.frame]
-    hit[-1] = False
-    index = _padded(torch.nonzero(hit)[:, 0], settings.bucket, hit.shape[0] - 1)
-    count = 1 if config.opaque else max(1, round(config.samples * settings.sample_share))
-    places = None
-    if config.opaque:
-        # Nothing behind the surface can be seen: the one sample is where the ray enters.
-        places = torch.zeros(index.shape[0], 1, device=index.device, dtype=torch.float64)
-    elif settings.jitter:
-        places = torch.rand(index.shape[0], count, device=index.device, dtype=torch.float64)
-    depth, step = sample_intervals(near[index], far[index], count, places)
-    points = origins[index][:, None] + depth[..., None] * rays.directions[index][:, None]
-    coordinates = field.coordinates(points).float().clamp(-1.0, 1.0)
-    frame = rays.frame[index]
-    if config.opaque:
-        thickness = torch.where(index < hit.shape[0] - 1, OPAQUE, 0.0).float()
-        thickness = thickness[:, None].expand(-1, count)
-        return _Passage(index, frame, depth.float(), coordinates, thickness, None)
-    hidden = field.trunk(coordinates, frame, each.pose)
-    length = (step * rays.directions[index].norm(dim=-1)).float()
-    thickness = field.densities(hidden, settings.density_noise) * length[:, None]
-    return _Passage(index, frame, depth.float(), coordinates, thickness, hidden)
-
-
-def _sky(rays: Rays, each: SceneObject) -> _Passage:
-    """A sky fills every ray behind everything else; V is asked for the ray's direction."""
-    index = torch.nonzero(each.visible[rays.frame[:-1]])[:, 0]
-    directions = rays.directions[index]
-    unit = (directions / directions.norm(dim=-1, keepdim=True)).float()[:, None]
-    depth = torch.full_like(unit[..., 0], SKY_DEPTH)
-    thickness = torch.full_like(depth, OPAQUE)
-    return _Passage(index, rays.frame[index], depth, unit, thickness, None)
-
-
-def _padded(index: Tensor, bucket: int, dummy: int) -> Tensor:
-    return torch.nn.functional.pad(index, (0, -index.shape[0] % bucket), value=dummy)
-
-
-def _weigh(passages: Sequence[_Passage], count: int, device: torch.device) -> list[Tensor]:
+def _weigh(
+    passages: Sequence[Passage],
+    objects: Sequence[SceneObject],
+    count: int,
+    settings: RenderSettings,
+) -> list[Tensor]:
     """Weights of every passage's samples, composed over all objects."""
-    total = sum(p.depth.shape[1] for p in passages)
-    depth = torch.full((count + 1, total), 2 * SKY_DEPTH, device=device)
-    thickness = torch.zeros(count + 1, total, device=device)
-    start, columns = 0, []
+    depth, thickness, columns = _table(passages, count)
+    if settings.release is None:
+        weights = composite(depth, thickness)
+    else:
+        kinds = [each.field.config.kind for each in objects]
+        if settings.release.carve:
+            fixed = [c for c, kind in zip(columns, kinds, strict=True) if kind != "playable"]
+            moving = [c for c, kind in zip(columns, kinds, strict=True) if kind == "playable"]
+            depth, thickness = carve(depth, thickness, fixed, moving)
+        weights = composite(depth, thickness, thickness_to_next)
+    return [weights[p.rays, c] for p, c in zip(passages, columns, strict=True)]
+
+
+def _table(passages: Sequence[Passage], count: int) -> tuple[Tensor, Tensor, list[slice]]:
+    """Depths and thicknesses of all samples, ray by ray, and the columns of each passage."""
+    depths, thicknesses, columns, start = [], [], [], 0
     for p in passages:
-        columns.append(torch.arange(start, start + p.depth.shape[1], device=device))
-        cells = (p.rays[:, None], columns[-1])
-        depth = depth.index_put(cells, p.depth)
-        thickness = thickness.index_put(cells, p.thickness)
-        start += p.depth.shape[1]
-    weights = composite(depth, thickness)
-    return [weights[p.rays][:, c] for p, c in zip(passages, columns, strict=True)]
+        columns.append(slice(start, start + p.depth.shape[1]))
+        start = columns[-1].stop
+        whole = p.depth.new_full((count + 1, p.depth.shape[1]), p.elsewhere)
+        depths.append(whole.index_copy(0, p.rays, p.depth))
+        whole = p.thickness.new_zeros(count + 1, p.depth.shape[1])
+        thicknesses.append(whole.index_copy(0, p.rays, p.thickness))
+    if not passages:
+        return torch.zeros(count + 1, 0), torch.zeros(count + 1, 0), columns
+    return torch.cat(depths, dim=1), torch.cat(thicknesses, dim=1), columns
 
 
-def _share(passage: _Passage, weights: Tensor, count: int) -> Float[Tensor, " rays"]:
+def _share(passage: Passage, weights: Tensor, count: int) -> Float[Tensor, " rays"]:
     """Summed weight of one object on every ray."""
     whole = torch.zeros(count + 1, device=weights.device)
     return whole.index_add(0, passage.rays, weights.sum(dim=-1))[:-1]
 
 
 def _integrate(
-    each: SceneObject, passage: _Passage, weights: Tensor, count: int, settings: RenderSettings
+    each: SceneObject, passage: Passage, weights: Tensor, count: int, settings: RenderSettings
 ) -> tuple[Float[Tensor, "rays head"], int]:
     """Weighted sum of branch features along every ray, and how many samples were evaluated."""
     if torch.is_grad_enabled() and passage.hidden is not None:
@@ -244,8 +143,8 @@ def _integrate(
         return whole.index_add(0, passage.rays, summed)[:-1], weights.numel()
     row, column = torch.nonzero(weights.detach() > settings.weight_threshold, as_tuple=True)
     kept = row.shape[0]
-    row = _padded(row, settings.bucket, 0)
-    column = _padded(column, settings.bucket, 0)
+    row = padded(row, settings.bucket, 0)
+    column = padded(column, settings.bucket, 0)
     frame = passage.frame[row]
     if passage.hidden is None:
         hidden = each.field.trunk(passage.coordinates[row, column][:, None], frame, each.pose)
@@ -259,7 +158,7 @@ def _integrate(
 
 def _depth(
     objects: Sequence[SceneObject],
-    passages: Sequence[_Passage],
+    passages: Sequence[Passage],
     weights: Sequence[Tensor],
     count: int,
     device: torch.device,
@@ -267,5 +166,5 @@ def _depth(
     depth = torch.zeros(count + 1, device=device)
     for each, passage, w in zip(objects, passages, weights, strict=True):
         if each.field.config.kind != "sky":
-            depth = depth.index_add(0, passage.rays, (w * passage.depth).sum(dim=-1))
+            depth = depth.index_add(0, passage.rays, (w * passage.depth.float()).sum(dim=-1))
     return depth[:-1]

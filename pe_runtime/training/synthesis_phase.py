@@ -14,7 +14,7 @@ from pe_runtime.config import ModelConfig, SynthesisConfig, as_dict
 from pe_runtime.contract.errors import ConfigError
 from pe_runtime.dataset import Clips, FrameBatch
 from pe_runtime.networks import Codes, SynthesisNetworks
-from pe_runtime.rendering.renderer import RenderSettings
+from pe_runtime.rendering.scene import RenderSettings
 from pe_runtime.training.loop import (
     Log,
     Schedule,

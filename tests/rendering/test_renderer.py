@@ -13,7 +13,8 @@ from small_world import (
     small_networks,
 )
 
-from pe_runtime.rendering.renderer import Rays, RenderSettings, compose
+from pe_runtime.rendering.renderer import compose
+from pe_runtime.rendering.scene import Rays, RenderSettings
 
 CHANNELS = 9
 SETTINGS = RenderSettings(bucket=8)
