@@ -56,9 +56,21 @@ class Cameras:
         """world_from_camera rotations; float64."""
         return self.world_from_camera[:, :3, :3]
 
+    @property
+    def headings(self) -> Float[Tensor, " frames"]:
+        """Turns about the world's z axis from looking along +y, radians; float64.
+
+        Positive is to the left. Arbitrary for a camera that looks straight up or down.
+        """
+        forward = self.rotations[:, :, 2]
+        return torch.atan2(-forward[:, 0], forward[:, 1])
+
 
 def ray_directions(
-    cameras: Cameras, frame: Int[Tensor, " rays"], pixels: Float[Tensor, "rays 2"]
+    cameras: Cameras,
+    frame: Int[Tensor, " rays"],
+    pixels: Float[Tensor, "rays 2"],
+    dtype: torch.dtype = torch.float64,
 ) -> Float[Tensor, "rays 3"]:
     """World directions of the rays through pixel positions, d = R K^-1 (u, v, 1).
 
@@ -68,13 +80,16 @@ def ray_directions(
         cameras: The frames' cameras.
         frame: Frame of each ray.
         pixels: (u, v), origin top-left, pixel centres at +0.5.
+        dtype: In which everything is computed; float32 only to repeat somebody else's rounding.
 
     Returns:
-        float64 directions in metres of path per metre of depth.
+        Directions in metres of path per metre of depth.
     """
-    homogeneous = torch.cat([pixels.double(), torch.ones_like(pixels[:, :1]).double()], dim=-1)
-    matrices = cameras.rotations @ torch.linalg.inv(cameras.intrinsics)
-    return torch.einsum("rij,rj->ri", matrices[frame], homogeneous)
+    intrinsics = cameras.intrinsics.to(dtype)
+    focal, middle = intrinsics[:, (0, 1), (0, 1)], intrinsics[:, :2, 2]
+    aside = (pixels.to(dtype) - middle[frame]) / focal[frame]
+    local = torch.cat([aside, torch.ones_like(aside[:, :1])], dim=-1)
+    return torch.einsum("rij,rj->ri", cameras.rotations.to(dtype)[frame], local)
 
 
 def project(

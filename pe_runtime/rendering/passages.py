@@ -42,7 +42,10 @@ class Passage:
 
 @dataclass(frozen=True)
 class _Chord:
-    """Straight line of each ray through a volume, in the object's frame; float64."""
+    """Straight line of each ray through a volume, in the object's frame.
+
+    In float64, but for the "release-2022" quadrature, which is float32 from here on.
+    """
 
     origins: Float[Tensor, "rays 3"]
     directions: Float[Tensor, "rays 3"]
@@ -107,6 +110,8 @@ def _chord(rays: Rays, each: SceneObject, settings: RenderSettings) -> _Chord:
         object_from_world = _turn(-each.heading.double())[rays.frame]
         origins = torch.einsum("rij,rj->ri", object_from_world, origins)
         directions = torch.einsum("rij,rj->ri", object_from_world, directions)
+    if settings.release is not None:
+        origins, directions = origins.float(), directions.float()
     low, high = origins.new_tensor(config.low), origins.new_tensor(config.high)
     near, far, hit = _meet(origins, directions, (low, high), config, settings)
     hit = hit & each.visible[rays.frame]
@@ -141,12 +146,12 @@ def _as_released(
     """The samples as the "release-2022" quadrature places and masks them."""
     jitter = None
     if settings.jitter:
-        jitter = torch.rand(index.shape[0], count, device=index.device, dtype=torch.float64)
+        jitter = torch.rand(index.shape[0], count, device=index.device)
     depth = place_samples(chord.near[index], chord.far[index], count, jitter)
     points = _points(chord, index, depth)
     config, frame = each.field.config, rays.frame[index]
     inside = within(points, points.new_tensor(config.low), points.new_tensor(config.high))
-    coordinates = each.field.coordinates(points).float().clamp(-1.0, 1.0)
+    coordinates = each.field.coordinates(points).clamp(-1.0, 1.0)
     hidden = each.field.trunk(coordinates, frame, each.pose)
     density = each.field.densities(hidden, settings.density_noise)
     length = chord.directions[index].norm(dim=-1).float()
@@ -174,8 +179,7 @@ def _sky(rays: Rays, each: SceneObject, settings: RenderSettings) -> Passage:
         place = (rays.centres - each.position.double()) / size
         coordinates = torch.cat([coordinates, place[frame].float()], dim=-1)
     at = SKY_DEPTH if config.depth_range is None else config.depth_range[0]
-    dtype = torch.float32 if settings.release is None else torch.float64
-    depth = torch.full((index.shape[0], 1), at, dtype=dtype, device=index.device)
+    depth = torch.full((index.shape[0], 1), at, device=index.device)
     opaque = OPAQUE if settings.release is None else SKY_DENSITY
     thickness = torch.full(depth.shape, opaque, device=index.device)
     elsewhere = 2 * SKY_DEPTH if settings.release is None else at

@@ -166,5 +166,5 @@ def _depth(
     depth = torch.zeros(count + 1, device=device)
     for each, passage, w in zip(objects, passages, weights, strict=True):
         if each.field.config.kind != "sky":
-            depth = depth.index_add(0, passage.rays, (w * passage.depth.float()).sum(dim=-1))
+            depth = depth.index_add(0, passage.rays, (w * passage.depth).sum(dim=-1))
     return depth[:-1]
