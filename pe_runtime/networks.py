@@ -11,13 +11,10 @@ from torch import Tensor, nn
 from pe_runtime.config import ModelConfig
 from pe_runtime.field.object_field import ObjectField
 from pe_runtime.geometry.cameras import Cameras, ray_directions
+from pe_runtime.perception.glimpse import Pictures, Place, look
+from pe_runtime.perception.heading_encoder import HeadingEncoder
 from pe_runtime.perception.localization import locate
-from pe_runtime.perception.object_encoder import (
-    ObjectEncoder,
-    crop_boxes,
-    cut_out,
-    view_features,
-)
+from pe_runtime.perception.object_encoder import build_encoder
 from pe_runtime.rendering.feature_renderer import build_feature_renderer
 from pe_runtime.rendering.release_2022 import release_2022
 from pe_runtime.rendering.renderer import Composition, compose
@@ -58,8 +55,10 @@ class SynthesisNetworks(nn.Module):
         self.fields = nn.ModuleDict(
             {n: ObjectField(c, features) for n, c in config.classes.items()}
         )
-        self.encoders = nn.ModuleDict({n: ObjectEncoder(c) for n, c in config.classes.items()})
+        self.encoders = nn.ModuleDict({n: build_encoder(c) for n, c in config.classes.items()})
         self.feature_renderer = build_feature_renderer(config.feature_renderer)
+        turning = {n: c.heading for n, c in config.classes.items() if c.heading is not None}
+        self.headings = nn.ModuleDict({n: HeadingEncoder(each) for n, each in turning.items()})
 
     def encode(
         self,
@@ -78,6 +77,7 @@ class SynthesisNetworks(nn.Module):
         Returns:
             Codes by object name. Objects without a usable position are not visible.
         """
+        pictures = Pictures(images, cameras, self.config.native_up)
         found: dict[str, Codes] = {}
         for class_name, config in self.config.classes.items():
             names = [o.name for o in self.config.objects if o.class_name == class_name]
@@ -86,10 +86,12 @@ class SynthesisNetworks(nn.Module):
             if config.kind == "playable":
                 order = [self.config.playable_names.index(n) for n in names]
                 own = boxes[:, order]
-                positions, valid = locate(cameras, own, config.foot_offset)
+                positions, valid = locate(cameras, own, config.foot_offset, config.lift)
             else:
                 own, positions, valid = self._static(names, len(cameras), images.device)
-            found |= self._encode_class(class_name, names, images, cameras, (own, positions, valid))
+            places = [Place(own[:, i], positions[:, i]) for i in range(len(names))]
+            each = self._encode_class(class_name, pictures, places, valid)
+            found |= dict(zip(names, each, strict=True))
         return {each.name: found[each.name] for each in self.config.objects}
 
     def _static(
@@ -101,31 +103,34 @@ class SynthesisNetworks(nn.Module):
         return boxes, positions, torch.ones(frames, len(names), dtype=torch.bool, device=device)
 
     def _encode_class(
-        self,
-        class_name: str,
-        names: list[str],
-        images: Tensor,
-        cameras: Cameras,
-        places: tuple[Tensor, Tensor, Tensor],
-    ) -> dict[str, Codes]:
+        self, class_name: str, pictures: Pictures, places: list[Place], valid: Tensor
+    ) -> list[Codes]:
         """Encode all objects of a class in one batch, so that they share batch statistics."""
-        config, encoder = self.config.classes[class_name], self.encoders[class_name]
-        boxes, positions, valid = places
-        crops, views, seen = [], [], []
-        for index in range(len(names)):
-            at = positions[:, index]
-            region = crop_boxes(config, cameras, boxes[:, index], at)
-            seen.append(torch.isfinite(region).all(dim=-1))
-            region = torch.where(seen[-1][:, None], region, 0.0)
-            crops.append(cut_out(images, region, config.encoder.height, config.encoder.width))
-            views.append(view_features(cameras, at, region))
-        style, pose = encoder(torch.cat(crops), torch.cat(views))
-        frames = len(cameras)
-        styles, poses = style.split(frames), pose.split(frames)
-        return {
-            name: Codes(positions[:, i], styles[i], poses[i], valid[:, i] & seen[i])
-            for i, name in enumerate(names)
-        }
+        config = self.config.classes[class_name]
+        if config.heading is not None:
+            places, valid = self._turned(class_name, pictures, places, valid)
+        glimpse = look(config, pictures, places)
+        styles, poses = map(glimpse.split, self.encoders[class_name](glimpse.crops, glimpse.view))
+        visible = valid & glimpse.seen
+        return [
+            Codes(place.positions, styles[i], poses[i], visible[:, i], place.headings)
+            for i, place in enumerate(places)
+        ]
+
+    def _turned(
+        self, class_name: str, pictures: Pictures, places: list[Place], valid: Tensor
+    ) -> tuple[list[Place], Tensor]:
+        """The places with headings, and where those are known; elsewhere they are zero."""
+        config = self.config.classes[class_name]
+        glimpse = look(replace(config, encoder=config.heading), pictures, places)
+        offsets = glimpse.split(self.headings[class_name](glimpse.crops, glimpse.view))
+        about = pictures.cameras.headings.float()
+        known = valid & glimpse.seen
+        turned = [
+            replace(place, headings=torch.where(known[:, i], about + offsets[i], 0.0))
+            for i, place in enumerate(places)
+        ]
+        return turned, known
 
     def scene(self, codes: Mapping[str, Codes]) -> list[SceneObject]:
         """The renderer's view of a batch of states; objects that are never visible are left out."""
@@ -183,7 +188,7 @@ class SynthesisNetworks(nn.Module):
             start = stop
         device = cameras.intrinsics.device
         frames = torch.cat(frame).to(device)
-        directions = ray_directions(cameras, frames, torch.cat(pixels).to(device))
+        directions = self._directions(cameras, frames, torch.cat(pixels).to(device))
         rays = Rays(cameras.centres, directions, frames)
         composed = compose(rays, self.scene(codes), groups, self._complete(settings))
         return self.feature_renderer(self._as_maps(composed.features, len(corners), size))
@@ -221,7 +226,7 @@ class SynthesisNetworks(nn.Module):
             self.config.feature_renderer.strides, self._channels(), strict=True
         ):
             parts = []
-            for rays in _chunks(camera, grid_pixels(0, 0, *size, stride), chunk):
+            for rays in self._chunks(camera, grid_pixels(0, 0, *size, stride), chunk):
                 whole = slice(0, rays.frame.shape[0])
                 composed = compose(rays, objects, [(whole, channels)], settings)
                 parts.append(composed.features[0])
@@ -248,7 +253,7 @@ class SynthesisNetworks(nn.Module):
         names = self._drawn(codes)
         pixels = grid_pixels(0, 0, camera.height, camera.width, 1)
         parts: list[Composition] = [
-            compose(rays, objects, [], settings) for rays in _chunks(camera, pixels, chunk)
+            compose(rays, objects, [], settings) for rays in self._chunks(camera, pixels, chunk)
         ]
         shape = (camera.height, camera.width)
         solid = torch.cat([p.solid for p in parts])
@@ -257,10 +262,13 @@ class SynthesisNetworks(nn.Module):
         weights = torch.cat([p.weights for p in parts])
         return depth, {n: weights[:, i].reshape(shape) for i, n in enumerate(names)}
 
+    def _chunks(self, camera: Cameras, pixels: Tensor, chunk: int) -> list[Rays]:
+        chunks = []
+        for part in pixels.to(camera.intrinsics.device).split(chunk):
+            frame = torch.zeros(part.shape[0], dtype=torch.long, device=part.device)
+            chunks.append(Rays(camera.centres, self._directions(camera, frame, part), frame))
+        return chunks
 
-def _chunks(camera: Cameras, pixels: Tensor, chunk: int) -> list[Rays]:
-    chunks = []
-    for part in pixels.to(camera.intrinsics.device).split(chunk):
-        frame = torch.zeros(part.shape[0], dtype=torch.long, device=part.device)
-        chunks.append(Rays(camera.centres, ray_directions(camera, frame, part), frame))
-    return chunks
+    def _directions(self, cameras: Cameras, frame: Tensor, pixels: Tensor) -> Tensor:
+        ours = self.config.quadrature == "interval"
+        return ray_directions(cameras, frame, pixels, torch.float64 if ours else torch.float32)

@@ -75,7 +75,10 @@ class EncoderConfig:
     """Shares of a box's width added on either side, and of its height added on top."""
     view: str = "direction"
     """What E learns of the view: "direction" to the object and the region's place; the "camera"'s
-    Euler angles and position; or "none"."""
+    Euler angles and position in the native world; or "none"."""
+    angle_middles: Triple = (0.0, 0.0, 0.0)
+    """Radians in the middle of the whole turn within which each angle of the "camera" is told: an
+    orientation says its angles only up to whole turns."""
     height: int = 48
     width: int = 48
     channels: tuple[int, ...] = (16, 32, 64, 64)
@@ -90,8 +93,15 @@ class EncoderConfig:
         demand_one_of(self.view, VIEWS, "encoder: view")
         demand(min(self.widen) >= 0, "encoder: widen >= 0")
         demand(min(self.height, self.width, self.hidden) >= 1, "encoder: sizes >= 1")
-        groups = self.channels and all(c > 0 and c % 4 == 0 for c in self.channels)
-        demand(bool(groups), "encoder: channels in multiples of 4 (its normalisation groups)")
+        positive = self.channels and min(self.channels) >= 1
+        demand(bool(positive), "encoder: one width or more in channels, all >= 1")
+        if self.design == "compact":
+            groups = all(c % 4 == 0 for c in self.channels)
+            demand(groups, "encoder: channels in multiples of 4 (its normalisation groups)")
+        else:
+            halvings = len(self.channels) + (self.design == "residual")
+            fits = min(self.height, self.width) >= 2**halvings
+            demand(fits, f"encoder: height and width >= {2**halvings}, which it halves to one cell")
 
 
 @dataclass(frozen=True)
@@ -135,6 +145,10 @@ class ObjectClassConfig:
         demand(self.style_features >= 1, "class: style_features >= 1")
         bends = self.bending is not None
         demand(self.pose_features >= int(bends), "class: pose_features >= 1 where rays are bent")
+        if self.heading is not None:
+            demand(self.kind == "playable", "class: heading of playable objects only")
+            known = self.heading.design != "compact"
+            demand(known, 'class: heading of design "residual" or "attentive"')
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,10 @@ from pe_runtime.geometry.cameras import Cameras, ground_from_pixels
 
 
 def locate(
-    cameras: Cameras, boxes: Float[Tensor, "frames objects 4"], foot_offset: float = 0.0
+    cameras: Cameras,
+    boxes: Float[Tensor, "frames objects 4"],
+    foot_offset: float = 0.0,
+    lift: float = 0.0,
 ) -> tuple[Float[Tensor, "frames objects 3"], Bool[Tensor, "frames objects"]]:
     """Project the middle of each box's lower edge onto the ground plane.
 
@@ -17,10 +20,11 @@ def locate(
         boxes: (left, top, right, bottom) in pixels; NaN where the object was not found.
         foot_offset: Metres by which the point is pushed on, away from the camera: a box ends at
             the near side of the feet, while the position is the middle of the body.
+        lift: Metres above the ground at which the objects stand.
 
     Returns:
-        Positions (metres, z = 0; zeros where there is none) and whether each is a position at all:
-        not for absent or degenerate boxes, nor for feet at or above the horizon.
+        Positions (metres, z = lift; zeros where there is none) and whether each is a position at
+        all: not for absent or degenerate boxes, nor for feet at or above the horizon.
     """
     proper = torch.isfinite(boxes).all(dim=-1)
     proper = proper & (boxes[..., 2] > boxes[..., 0]) & (boxes[..., 3] > boxes[..., 1])
@@ -31,5 +35,7 @@ def locate(
         away = ground[..., :2] - cameras.centres[:, None, :2]
         away = away / away.norm(dim=-1, keepdim=True).clamp(min=1e-9)
         ground = torch.cat([ground[..., :2] + foot_offset * away, ground[..., 2:]], dim=-1)
+    if lift:
+        ground = torch.cat([ground[..., :2], torch.full_like(ground[..., 2:], lift)], dim=-1)
     valid = proper & meets
     return torch.where(valid[..., None], ground, 0.0).float(), valid

@@ -4,11 +4,9 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from pe_runtime.config import ObjectClassConfig
-from pe_runtime.geometry.boxes import box_in_image
-from pe_runtime.geometry.cameras import Cameras
-
-VIEW_FEATURES = 6
+from pe_runtime.config import EncoderConfig, ObjectClassConfig
+from pe_runtime.perception.residual_trunks import AttentiveTrunk, ResidualTrunk
+from pe_runtime.perception.views import view_size
 
 
 class Trunk(nn.Module):
@@ -25,11 +23,11 @@ class Trunk(nn.Module):
         self.convolutions = nn.Sequential(*layers)
         shrink = 2 ** len(encoder.channels)
         cells = -(-encoder.height // shrink) * -(-encoder.width // shrink)
-        self.hidden = nn.Linear(narrow * cells + VIEW_FEATURES, encoder.hidden)
+        self.hidden = nn.Linear(narrow * cells + view_size(encoder), encoder.hidden)
         self.output = nn.Linear(encoder.hidden, outputs)
 
     def forward(
-        self, crops: Float[Tensor, "crops 3 height width"], view: Float[Tensor, "crops 6"]
+        self, crops: Float[Tensor, "crops 3 height width"], view: Float[Tensor, "crops view"]
     ) -> Float[Tensor, "crops outputs"]:
         """Encode crops in [0, 1]."""
         seen = self.convolutions(crops * 2 - 1).flatten(1)
@@ -53,7 +51,7 @@ class ObjectEncoder(nn.Module):
         self.normalise = nn.BatchNorm1d(pose, affine=False, momentum=0.05) if pose else None
 
     def forward(
-        self, crops: Float[Tensor, "crops 3 height width"], view: Float[Tensor, "crops 6"]
+        self, crops: Float[Tensor, "crops 3 height width"], view: Float[Tensor, "crops view"]
     ) -> tuple[Float[Tensor, "crops style"], Float[Tensor, "crops pose"]]:
         """Style and pose codes of crops in [0, 1] seen under the given views."""
         style = self.style(crops, view).float()
@@ -67,66 +65,42 @@ class ObjectEncoder(nn.Module):
             return style, self.normalise(pose.float())
 
 
-def crop_boxes(
-    config: ObjectClassConfig,
-    cameras: Cameras,
-    boxes: Float[Tensor, "frames 4"],
-    positions: Float[Tensor, "frames 3"],
-) -> Float[Tensor, "frames 4"]:
-    """The image region that E looks at, in pixels; NaN where there is none.
+class ResidualEncoder(nn.Module):
+    """E of the paper's authors: a residual trunk with one linear head for style, one for pose."""
 
-    "volume" cuts out the projected volume at the position found from the box, so that a crop has
-    the same metric size whatever the limbs do; "box" cuts out the box; "frame" the whole picture.
-    """
-    whole = positions.new_tensor([0.0, 0.0, cameras.width, cameras.height])
-    if config.encoder.crop == "frame":
-        return whole.expand(len(cameras), 4)
-    if config.encoder.crop == "box":
-        return boxes
-    low, high = positions.new_tensor(config.low), positions.new_tensor(config.high)
-    region, ahead = box_in_image(cameras, positions, low, high)
-    return torch.where(ahead[:, None], region.float(), torch.nan)
+    def __init__(self, config: ObjectClassConfig) -> None:
+        super().__init__()
+        self.trunk = build_trunk(config.encoder)
+        self.style = nn.Linear(self.trunk.features, config.style_features)
+        pose = config.pose_features
+        self.pose = nn.Linear(self.trunk.features, pose) if pose else None
 
-
-def cut_out(
-    images: Float[Tensor, "frames 3 height width"],
-    regions: Float[Tensor, "frames 4"],
-    height: int,
-    width: int,
-) -> Float[Tensor, "frames 3 crop_height crop_width"]:
-    """Resample one region of each picture, bilinearly; outside the picture is black."""
-    rows, columns = images.shape[-2:]
-    down = (torch.arange(height, device=images.device) + 0.5) / height
-    across = (torch.arange(width, device=images.device) + 0.5) / width
-    u = regions[:, 0, None] + across * (regions[:, 2] - regions[:, 0])[:, None]
-    v = regions[:, 1, None] + down * (regions[:, 3] - regions[:, 1])[:, None]
-    grid = torch.stack(
-        [
-            (2 * u / columns - 1)[:, None, :].expand(-1, height, -1),
-            (2 * v / rows - 1)[:, :, None].expand(-1, -1, width),
-        ],
-        dim=-1,
-    )
-    return nn.functional.grid_sample(images, grid.to(images), align_corners=False)
+    def forward(
+        self, crops: Float[Tensor, "crops 3 height width"], view: Float[Tensor, "crops view"]
+    ) -> tuple[Float[Tensor, "crops style"], Float[Tensor, "crops pose"]]:
+        """Style and pose codes of crops in [0, 1] seen under the given views."""
+        features = self.trunk(with_view(crops, view))
+        style = self.style(features).float()
+        if self.pose is None:
+            return style, style.new_zeros(style.shape[0], 0)
+        return style, self.pose(features).float()
 
 
-def view_features(
-    cameras: Cameras, positions: Float[Tensor, "frames 3"], regions: Float[Tensor, "frames 4"]
-) -> Float[Tensor, "frames 6"]:
-    """How the object is seen: unit direction from the camera (world), and the region's size.
+def build_encoder(config: ObjectClassConfig) -> ObjectEncoder | ResidualEncoder:
+    """E of a class, of the design it asks for."""
+    compact = config.encoder.design == "compact"
+    return ObjectEncoder(config) if compact else ResidualEncoder(config)
 
-    The pose lives in the world's axes while a crop shows it in the camera's, so E must know the
-    direction of view (a deviation from the paper, as in its authors' release).
-    """
-    away = positions.double() - cameras.centres
-    away = away / away.norm(dim=-1, keepdim=True).clamp(min=1e-9)
-    middle = (regions[:, 0] + regions[:, 2]) / (2 * cameras.width) - 0.5
-    size = torch.stack(
-        [
-            (regions[:, 2] - regions[:, 0]) / cameras.width,
-            (regions[:, 3] - regions[:, 1]) / cameras.height,
-            middle,
-        ],
-        dim=-1,
-    )
-    return torch.cat([away.float(), size.float()], dim=-1)
+
+def build_trunk(encoder: EncoderConfig) -> ResidualTrunk | AttentiveTrunk:
+    """The trunk of a "residual" or "attentive" encoder."""
+    design = {"residual": ResidualTrunk, "attentive": AttentiveTrunk}[encoder.design]
+    return design(3 + view_size(encoder), encoder.channels)
+
+
+def with_view(
+    crops: Float[Tensor, "crops 3 height width"], view: Float[Tensor, "crops view"]
+) -> Float[Tensor, "crops inputs height width"]:
+    """Crops in [-1, 1] and, as further maps of one value each, the view."""
+    maps = view.to(crops)[:, :, None, None].expand(-1, -1, *crops.shape[-2:])
+    return torch.cat([crops * 2 - 1, maps], dim=1)

@@ -8,7 +8,12 @@ from hypothesis import strategies as st
 from small_world import camera, look_at
 
 from pe_runtime.contract.camera import project
-from pe_runtime.geometry.boxes import box_in_image, corners, intersect_box
+from pe_runtime.geometry.boxes import (
+    box_in_image,
+    corners,
+    intersect_box,
+    visible_box_in_image,
+)
 from pe_runtime.geometry.cameras import Cameras
 
 LOW, HIGH = (-1.0, -2.0, 0.0), (1.5, 1.0, 2.0)
@@ -184,3 +189,80 @@ def test_a_volume_that_reaches_behind_the_camera_has_no_box():
     places = torch.tensor([[0.0, 0.0, 0.0], [0.0, -3.2, 0.0], [0.0, -9.0, 0.0]])
     _, ahead = box_in_image(Cameras.stack([view] * 3), places, low, high)
     assert ahead.tolist() == [True, False, False]
+
+
+def visible(view, place, low, high, heading=None):
+    headings = None if heading is None else torch.tensor([heading])
+    boxes, seen = visible_box_in_image(
+        Cameras.stack([view]),
+        torch.tensor([place]),
+        torch.tensor(low),
+        torch.tensor(high),
+        headings,
+    )
+    return boxes[0].tolist(), bool(seen)
+
+
+def slow_visible(view, place, low, high, heading=0.0):
+    """The twin: corners and edge points one by one, those behind the camera left out."""
+    ends = list(itertools.product(*zip(low, high, strict=True)))
+    points = [np.array(end) for end in ends]
+    for first, second in itertools.combinations(ends, 2):
+        if sum(a != b for a, b in zip(first, second, strict=True)) == 1:
+            points += [
+                np.array(first) * (1 - n / 6) + np.array(second) * n / 6 for n in range(1, 6)
+            ]
+    assert len(points) == 68
+    u, v = [], []
+    turn = np.array([[np.cos(heading), -np.sin(heading)], [np.sin(heading), np.cos(heading)]])
+    for point in points:
+        world = np.array([*(turn @ point[:2]), point[2]]) + place
+        pixels, depth = project(view, world[None])
+        if depth[0] > 0:
+            u.append(min(max(pixels[0, 0], 0), view.width))
+            v.append(min(max(pixels[0, 1], 0), view.height))
+    return (min(u), min(v), max(u), max(v)) if u else None
+
+
+@given(st.tuples(numbers, numbers, st.floats(-1.0, 1.0)), st.floats(0.0, 6.3), st.floats(-3.0, 3.0))
+def test_the_visible_box_is_that_of_the_outline_s_points_before_the_camera(place, turn, heading):
+    view, low, high = camera(turn, distance=3.0), (-1.2, -0.4, 0.0), (0.9, 1.1, 1.5)
+    wanted = slow_visible(view, place, low, high, np.float32(heading))
+    found, seen = visible(view, place, low, high, heading)
+    assert seen == (wanted is not None)
+    if seen:
+        assert found == pytest.approx(wanted, abs=1e-3)
+
+
+def test_a_volume_around_the_camera_fills_the_picture():
+    view = camera()
+    found, seen = visible(view, (0.0, 0.0, 0.0), (-50.0,) * 3, (50.0,) * 3)
+    assert seen
+    assert found == [0.0, 0.0, view.width, view.height]
+
+
+def test_edge_points_show_what_corners_behind_the_camera_do_not():
+    # A long floor: its near corners lie behind, its far ones at the horizon.
+    view = look_at((0.0, 0.0, 1.0), (0.0, 10.0, 1.0))
+    found, _ = visible(view, (0.0, 0.0, 0.0), (-0.1, -30.0, -0.1), (0.1, 30.0, 0.0))
+    assert found[3] - found[1] > 2
+
+
+def test_a_volume_behind_the_camera_is_not_seen():
+    view = look_at((0.0, -3.0, 1.0), (0.0, 0.0, 1.0))
+    assert not visible(view, (0.0, -9.0, 0.0), (-0.5, -0.5, 0.0), (0.5, 0.5, 2.0))[1]
+
+
+def test_a_volume_beside_the_picture_has_no_area():
+    view = look_at((0.0, -3.0, 1.0), (0.0, 0.0, 1.0))
+    found, seen = visible(view, (40.0, 3.0, 0.0), (-0.5, -0.5, 0.0), (0.5, 0.5, 2.0))
+    assert seen
+    assert found[0] == found[2] == view.width
+
+
+def test_a_whole_volume_in_the_picture_has_the_same_box_either_way():
+    view = camera(0.3)
+    rows = torch.tensor([[0.1, 0.2, 0.0]]), torch.tensor([-0.2] * 3), torch.tensor([0.3] * 3)
+    wanted, _ = box_in_image(Cameras.stack([view]), *rows)
+    found, _ = visible_box_in_image(Cameras.stack([view]), *rows)
+    torch.testing.assert_close(found, wanted)

@@ -80,3 +80,11 @@ def test_positions_are_float32_on_the_ground():
     positions, _ = found(camera(), (10.0, 4.0, 14.0, 12.0))
     assert positions.dtype == torch.float32
     assert positions[0, 0, 2] == 0
+
+
+def test_lifted_objects_stand_above_the_ground_point_and_absent_ones_at_the_origin():
+    cameras, box = Cameras.stack([camera()]), torch.tensor([[(10.0, 4.0, 14.0, 12.0), (NAN,) * 4]])
+    (flat, _), (lifted, valid) = locate(cameras, box), locate(cameras, box, lift=0.25)
+    assert torch.equal(lifted[0, 0, :2], flat[0, 0, :2])
+    assert lifted[0, 0, 2] == 0.25
+    assert lifted[0, 1].tolist() == [0.0, 0.0, 0.0] and valid.tolist() == [[True, False]]

@@ -2,22 +2,17 @@ from dataclasses import replace
 
 import pytest
 import torch
-from small_world import GROUND, HEIGHT, PLAYER, WIDTH, camera, shake
+from small_world import GROUND, PLAYER, shake
 
-from pe_runtime.geometry.boxes import box_in_image
-from pe_runtime.geometry.cameras import Cameras
-from pe_runtime.perception.object_encoder import (
-    VIEW_FEATURES,
-    ObjectEncoder,
-    crop_boxes,
-    cut_out,
-    view_features,
-)
+from pe_runtime.config import EncoderConfig, ObjectClassConfig
+from pe_runtime.contract.errors import ConfigError
+from pe_runtime.perception.object_encoder import ObjectEncoder, ResidualEncoder, build_encoder
+from pe_runtime.perception.views import VIEW_FEATURES
 
 
 def encoder(config=PLAYER, seed=0, **changes):
     torch.manual_seed(seed)
-    module = ObjectEncoder(replace(config, encoder=replace(config.encoder, **changes)))
+    module = build_encoder(replace(config, encoder=replace(config.encoder, **changes)))
     shake(module)
     return module.eval()
 
@@ -81,67 +76,99 @@ def test_half_precision_trunks_still_give_float32_codes():
     assert {each.dtype for each in codes} == {torch.float32}
 
 
-PLACES = torch.tensor([[0.3, 0.1, 0.0], [-0.5, -9.0, 0.0]])
-BOXES = torch.tensor([[10.0, 3.0, 14.0, 12.0], [1.0, 2.0, 3.0, 4.0]])
+def test_a_compact_encoder_can_do_without_the_view():
+    module, (pictures, views) = encoder(view="none"), crops()
+    style, _ = module(pictures, views[:, :0])
+    assert style.shape == (4, PLAYER.style_features)
 
 
-def regions(crop):
-    config = replace(PLAYER, encoder=replace(PLAYER.encoder, crop=crop))
-    return crop_boxes(config, Cameras.stack([camera()] * 2), BOXES, PLACES)
+SLIM = {
+    "residual": EncoderConfig(design="residual", view="none", height=8, width=16, channels=(8, 12)),
+    "attentive": EncoderConfig(
+        design="attentive", view="camera", height=16, width=12, channels=(5, 8, 12)
+    ),
+}
+designs = pytest.mark.parametrize("design", SLIM)
 
 
-def test_a_frame_crop_is_the_whole_picture():
-    assert regions("frame").tolist() == [[0, 0, WIDTH, HEIGHT]] * 2
+def authors_encoder(design, pose=3, seed=0):
+    torch.manual_seed(seed)
+    config = ObjectClassConfig(style_features=5, pose_features=pose, encoder=SLIM[design])
+    return build_encoder(config), config
 
 
-def test_a_box_crop_is_the_box():
-    assert torch.equal(regions("box"), BOXES)
+@designs
+@pytest.mark.parametrize("pose", [0, 3])
+def test_the_authors_designs_give_a_style_and_a_pose_where_there_is_one(design, pose):
+    module, config = authors_encoder(design, pose)
+    assert isinstance(module, ResidualEncoder)
+    pictures, views = crops(config)
+    if design == "residual":
+        views = views[:, :0]
+    style, deformation = module(pictures, views)
+    assert style.shape == (4, 5) and deformation.shape == (4, pose)
 
 
-def test_a_volume_crop_is_the_projected_volume_and_nan_behind_the_camera():
-    wanted, ahead = box_in_image(
-        Cameras.stack([camera()] * 2), PLACES, torch.tensor(PLAYER.low), torch.tensor(PLAYER.high)
-    )
-    assert ahead.tolist() == [True, False]
-    torch.testing.assert_close(regions("volume")[0], wanted[0].float())
-    assert torch.isnan(regions("volume")[1]).all()
+@designs
+def test_the_authors_designs_let_each_crop_s_codes_be_its_own(design):
+    module, config = authors_encoder(design)
+    pictures, views = crops(config)
+    views = views[:, :0] if design == "residual" else views
+    together = module(pictures, views)
+    alone = module(pictures[2:3], views[2:3])
+    for whole, one in zip(together, alone, strict=True):
+        torch.testing.assert_close(whole[2:3], one, atol=1e-6, rtol=1e-5)
 
 
-def picture(frames=1, height=6, width=8):
-    generator = torch.Generator().manual_seed(0)
-    return torch.rand(frames, 3, height, width, generator=generator)
+def test_an_attentive_encoder_sees_the_camera():
+    module, config = authors_encoder("attentive")
+    pictures, views = crops(config)
+    assert not torch.allclose(module(pictures, views)[0], module(pictures, views + 0.1)[0])
 
 
-def test_cutting_out_the_whole_picture_at_its_own_size_gives_the_picture():
-    images = picture()
-    whole = torch.tensor([[0.0, 0.0, 8.0, 6.0]])
-    torch.testing.assert_close(cut_out(images, whole, 6, 8), images)
+@designs
+def test_every_weight_of_the_authors_designs_learns_from_the_first_step(design):
+    module, config = authors_encoder(design)
+    pictures, views = crops(config)
+    views = views[:, :0] if design == "residual" else views
+    codes = torch.cat(module(pictures, views), dim=1)
+    (codes * torch.linspace(-1, 1, codes.shape[1])).sum().backward()
+    assert all(each.grad is not None and each.grad.abs().max() > 0 for each in module.parameters())
 
 
-def test_cutting_out_whole_pixels_gives_those_pixels():
-    images = picture(2)
-    boxes = torch.tensor([[2.0, 1.0, 6.0, 4.0], [0.0, 3.0, 4.0, 6.0]])
-    pieces = cut_out(images, boxes, 3, 4)
-    torch.testing.assert_close(pieces[0], images[0, :, 1:4, 2:6], atol=1e-6, rtol=0)
-    torch.testing.assert_close(pieces[1], images[1, :, 3:6, 0:4], atol=1e-6, rtol=0)
+@pytest.mark.parametrize(
+    ("design", "channels"), [("residual", (64, 128, 256, 512)), ("attentive", (16, 32, 64))]
+)
+def test_signals_keep_their_size_through_a_fresh_trunk(design, channels):
+    torch.manual_seed(0)
+    wide = replace(SLIM[design], height=64, width=64, channels=channels)
+    config = ObjectClassConfig(style_features=8, encoder=wide)
+    module = build_encoder(config)
+    pictures, views = crops(config)
+    views = views[:, :0] if design == "residual" else views
+    features = []
+    module.trunk.register_forward_hook(lambda *call: features.append(call[-1]))
+    with torch.no_grad():
+        module(pictures, views)
+    assert 0.02 < features[0].square().mean().sqrt() < 5
 
 
-def test_half_resolution_averages_pairs_of_pixels():
-    images = picture()
-    halved = cut_out(images, torch.tensor([[0.0, 0.0, 8.0, 6.0]]), 3, 4)
-    torch.testing.assert_close(halved, torch.nn.functional.avg_pool2d(images, 2))
+def test_compact_is_the_default_design():
+    assert isinstance(encoder(), ObjectEncoder)
 
 
-def test_outside_the_picture_is_black():
-    piece = cut_out(picture() + 1, torch.tensor([[20.0, 20.0, 24.0, 23.0]]), 3, 4)
-    assert not piece.any()
+def test_settings_that_no_design_can_be_built_with_are_refused():
+    with pytest.raises(ConfigError, match="halves to one cell"):
+        replace(SLIM["residual"], height=4)
+    with pytest.raises(ConfigError, match="multiples of 4"):
+        EncoderConfig(channels=(6,))
 
 
-def test_view_features_say_direction_and_size():
-    view = camera(azimuth=0.5)
-    places = torch.tensor([[0.3, 0.1, 0.0]])
-    region = torch.tensor([[8.0, 4.0, 16.0, 12.0]])
-    features = view_features(Cameras.stack([view]), places, region)[0]
-    away = places[0] - torch.from_numpy(view.world_from_camera[:3, 3].copy()).float()
-    torch.testing.assert_close(features[:3], away / away.norm(), atol=1e-6, rtol=0)
-    assert features[3:].tolist() == pytest.approx([8 / WIDTH, 8 / HEIGHT, 12 / WIDTH - 0.5])
+@designs
+def test_half_precision_residual_trunks_still_give_float32_codes(design):
+    module, config = authors_encoder(design)
+    pictures, views = crops(config)
+    views = views[:, :0] if design == "residual" else views
+    with torch.autocast("cpu", torch.bfloat16):
+        codes = module(pictures, views)
+    assert {each.dtype for each in codes} == {torch.float32}
