@@ -269,7 +269,7 @@ class PlayableEnvironment:
             weight_threshold=quality.weight_threshold,
             sample_share=quality.sample_share,
         )
-        codes = {n: self._codes(each) for n, each in state.objects.items()}
+        codes = self.codes(state)
         cameras = Cameras.stack([camera], self.device)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=quality.bfloat16):
             picture, statistics = self.networks.render_frame(cameras, codes, settings)
@@ -308,6 +308,10 @@ class PlayableEnvironment:
             state.pose[None].to(self.device),
             torch.tensor([state.heading], dtype=torch.float32, device=self.device),
         )
+
+    def codes(self, state: EnvironmentState) -> dict[str, Codes]:
+        """A state as the networks take it: one frame on their device."""
+        return {name: self._codes(each) for name, each in state.objects.items()}
 
     def _codes(self, state: ObjectState) -> Codes:
         player = self._player(state)

@@ -17,7 +17,7 @@ from pe_runtime.perception.localization import locate
 from pe_runtime.perception.object_encoder import build_encoder
 from pe_runtime.rendering.feature_renderer import build_feature_renderer
 from pe_runtime.rendering.release_2022 import release_2022
-from pe_runtime.rendering.renderer import Composition, compose
+from pe_runtime.rendering.renderer import Composition, compose, join
 from pe_runtime.rendering.sampling import grid_pixels
 from pe_runtime.rendering.scene import Rays, RenderSettings, SceneObject
 
@@ -144,11 +144,11 @@ class SynthesisNetworks(nn.Module):
                 codes[name].visible,
                 codes[name].heading,
             )
-            for name in self._drawn(codes)
+            for name in self.drawn(codes)
         ]
 
-    def _drawn(self, codes: Mapping[str, Codes]) -> list[str]:
-        """Names of the objects that the renderer needs to know of."""
+    def drawn(self, codes: Mapping[str, Codes]) -> list[str]:
+        """Names of the objects that the renderer needs to know of, in the order of `scene`."""
         names = [o.name for o in self.config.objects if o.name in codes]
         # In the authors' quadrature even a hidden sky ends what stands before it.
         kept = "sky" if self.config.quadrature == "release-2022" else None
@@ -220,21 +220,41 @@ class SynthesisNetworks(nn.Module):
         # F reflects its borders, for which the coarsest map needs two rows and two columns.
         cells = [max(2, -(-extent // coarsest)) for extent in (camera.height, camera.width)]
         size = (cells[0] * coarsest, cells[1] * coarsest)
-        objects, settings, features = self.scene(codes), self._complete(settings), []
-        statistics: dict[str, int] = {}
-        for stride, channels in zip(
-            self.config.feature_renderer.strides, self._channels(), strict=True
-        ):
+        levels = self.compose_levels(camera, codes, settings, size, chunk)
+        maps = self._as_maps([each.features[0] for each in levels], 1, size)
+        picture = self.feature_renderer(maps)[0]
+        statistics = {
+            key: sum(each.statistics[key] for each in levels) for key in levels[0].statistics
+        }
+        return picture[:, : camera.height, : camera.width], statistics
+
+    def compose_levels(
+        self,
+        camera: Cameras,
+        codes: Mapping[str, Codes],
+        settings: RenderSettings,
+        size: tuple[int, int],
+        chunk: int = 16384,
+    ) -> list[Composition]:
+        """What the rays of each feature map see, finest first, row by row.
+
+        Args:
+            camera: One camera.
+            codes: States of one frame by object name.
+            settings: Sampling.
+            size: Height and width of the covered region in pixels, from the top left corner.
+            chunk: Rays at once.
+        """
+        objects, settings = self.scene(codes), self._complete(settings)
+        levels = []
+        strides = self.config.feature_renderer.strides
+        for stride, channels in zip(strides, self._channels(), strict=True):
             parts = []
             for rays in self._chunks(camera, grid_pixels(0, 0, *size, stride), chunk):
                 whole = slice(0, rays.frame.shape[0])
-                composed = compose(rays, objects, [(whole, channels)], settings)
-                parts.append(composed.features[0])
-                for key, value in composed.statistics.items():
-                    statistics[key] = statistics.get(key, 0) + value
-            features.append(torch.cat(parts))
-        picture = self.feature_renderer(self._as_maps(features, 1, size))[0]
-        return picture[:, : camera.height, : camera.width], statistics
+                parts.append(compose(rays, objects, [(whole, channels)], settings))
+            levels.append(join(parts))
+        return levels
 
     def render_geometry(
         self,
@@ -250,17 +270,14 @@ class SynthesisNetworks(nn.Module):
             of each pixel that each visible object covers.
         """
         objects, settings = self.scene(codes), self._complete(settings)
-        names = self._drawn(codes)
+        names = self.drawn(codes)
         pixels = grid_pixels(0, 0, camera.height, camera.width, 1)
-        parts: list[Composition] = [
-            compose(rays, objects, [], settings) for rays in self._chunks(camera, pixels, chunk)
-        ]
+        parts = self._chunks(camera, pixels, chunk)
+        seen = join([compose(rays, objects, [], settings) for rays in parts])
         shape = (camera.height, camera.width)
-        solid = torch.cat([p.solid for p in parts])
-        depth = torch.cat([p.depth for p in parts]) / solid.clamp(min=1e-6)
-        depth = torch.where(solid >= 0.5, depth, torch.inf).reshape(shape)
-        weights = torch.cat([p.weights for p in parts])
-        return depth, {n: weights[:, i].reshape(shape) for i, n in enumerate(names)}
+        depth = seen.depth / seen.solid.clamp(min=1e-6)
+        depth = torch.where(seen.solid >= 0.5, depth, torch.inf).reshape(shape)
+        return depth, {n: seen.weights[:, i].reshape(shape) for i, n in enumerate(names)}
 
     def _chunks(self, camera: Cameras, pixels: Tensor, chunk: int) -> list[Rays]:
         chunks = []

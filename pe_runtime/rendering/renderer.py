@@ -87,6 +87,18 @@ def compose(
     )
 
 
+def join(parts: Sequence[Composition]) -> Composition:
+    """What several bundles of rays with the same groups see, one after the other."""
+    first = parts[0]
+    return Composition(
+        [torch.cat([p.features[i] for p in parts]) for i in range(len(first.features))],
+        torch.cat([p.weights for p in parts]),
+        torch.cat([p.depth for p in parts]),
+        torch.cat([p.solid for p in parts]),
+        {key: sum(p.statistics[key] for p in parts) for key in first.statistics},
+    )
+
+
 def _length(part: slice, whole: int) -> int:
     return (whole if part.stop is None else part.stop) - (part.start or 0)
 

@@ -6,6 +6,9 @@ from pathlib import Path
 import pytest
 import torch
 
+figures: list[str] = []
+"""What was measured, for the summary at the end of a run."""
+
 
 def parity_case(name: str) -> dict:
     """One recorded case by file name; skips the test where it is not at hand.
@@ -17,3 +20,9 @@ def parity_case(name: str) -> dict:
     if not path.is_file():
         pytest.skip(f"no recorded case {name}: set PE_PARITY to the folder that holds {name}.pt")
     return torch.load(path, weights_only=True)
+
+
+def check_within(what: str, error: float, bar: float) -> None:
+    """Note an error for the summary, and fail if it is above its bar (or no number)."""
+    figures.append(f"{what}: {error:.1e} (at most {bar:.0e})")
+    assert error <= bar, figures[-1]
