@@ -1,13 +1,16 @@
-"""Imported encoders against a float64 twin that is written from what theirs compute, step by step.
-
-The twin keeps the batch normalisations and pools where they do; nothing in it is folded.
-"""
+"""Imported encoders, one by one, against the twin."""
 
 from dataclasses import replace
 
 import pytest
 import torch
-from torch.nn import functional
+from interop.perception_twin import (
+    attentive_features,
+    head,
+    random_tensors,
+    residual_features,
+    yaw,
+)
 
 from pe_runtime.config import EncoderConfig, ObjectClassConfig
 from pe_runtime.interop.encoder_weights import (
@@ -39,85 +42,6 @@ PLAYER = ObjectClassConfig(
 def without_gradients():
     with torch.no_grad():
         yield
-
-
-def random_tensors(entries, seed=0):
-    """Values of the sizes that trained networks have, so that every layer matters."""
-    generator = torch.Generator().manual_seed(seed)
-    tensors = {}
-    for name, shape in entries.items():
-        noise = torch.randn(shape, generator=generator)
-        if name.endswith("num_batches_tracked"):
-            tensors[name] = torch.zeros(shape, dtype=torch.int64)
-        elif name.endswith("running_var"):
-            tensors[name] = 0.6 + noise.abs()
-        elif len(shape) > 1:
-            tensors[name] = noise * (1.5 / noise[0].numel()) ** 0.5
-        elif name.endswith("weight"):
-            tensors[name] = 1 + 0.2 * noise
-        else:
-            tensors[name] = 0.3 * noise
-    return tensors
-
-
-def normalise(tensors, name, maps):
-    """Batch normalisation at evaluation."""
-    by = {key: tensors[f"{name}.{key}"].double()[:, None, None] for key in STATISTICS}
-    centred = (maps - by["running_mean"]) / torch.sqrt(by["running_var"] + 1e-5)
-    return centred * by["weight"] + by["bias"]
-
-
-STATISTICS = ("weight", "bias", "running_mean", "running_var")
-
-
-def convolve(tensors, name, maps, stride=1):
-    kernel = tensors[f"{name}.weight"].double()
-    return functional.conv2d(maps, kernel, stride=stride, padding=kernel.shape[-1] // 2)
-
-
-def leaky(maps):
-    return torch.where(maps > 0, maps, 0.2 * maps)
-
-
-def pool(maps, size):
-    """Mean of each size x size square."""
-    rows, columns = maps.shape[-2] // size, maps.shape[-1] // size
-    squares = maps[..., : rows * size, : columns * size]
-    return squares.unflatten(-1, (columns, size)).unflatten(-3, (rows, size)).mean(dim=(-3, -1))
-
-
-def block(tensors, name, maps, size, last=True):
-    inner = normalise(tensors, f"{name}.bn1", pool(convolve(tensors, f"{name}.conv1", maps), size))
-    inner = convolve(tensors, f"{name}.conv2", leaky(inner))
-    inner = normalise(tensors, f"{name}.bn2", inner)
-    if f"{name}.downsample.0.weight" in tensors:
-        maps = pool(convolve(tensors, f"{name}.downsample.0", maps), size)
-        maps = normalise(tensors, f"{name}.downsample.2", maps)
-    return leaky(inner + maps) if last else inner + maps
-
-
-def residual_features(tensors, pictures):
-    maps = leaky(normalise(tensors, "bn1", convolve(tensors, "conv1", pictures, stride=2)))
-    maps = block(tensors, "initial_backbone.0", maps, 2)
-    maps = block(tensors, "initial_backbone.1", maps, 1)
-    for index in range(6):
-        maps = block(tensors, f"final_backbone.{index}", maps, 2 if index % 2 == 0 else 1)
-    return maps.mean(dim=(-2, -1))
-
-
-def attentive_features(tensors, pictures, view):
-    maps = view[:, :, None, None] * torch.ones(1, 1, *pictures.shape[-2:]).double()
-    maps = convolve(tensors, "conv1", torch.cat([pictures, maps], dim=1))
-    maps = leaky(normalise(tensors, "bn1", pool(maps, 2)))
-    maps = block(tensors, "initial_backbone.0", maps, 1, last=False)
-    maps = leaky(maps[:, :16]) / (1 + torch.exp(-maps[:, 16:]))
-    for index in range(4):
-        maps = block(tensors, f"final_backbone.{index}", maps, 2 if index % 2 == 0 else 1)
-    return maps.mean(dim=(-2, -1))
-
-
-def head(tensors, name, features):
-    return features @ tensors[f"{name}.weight"].double().T + tensors[f"{name}.bias"].double()
 
 
 def pictures(encoder, count=2):
@@ -167,9 +91,8 @@ def test_an_imported_yaw_encoder_gives_their_angle(seed):
     crops = pictures(PLAYER.heading)
     module = loaded(HeadingEncoder(PLAYER.heading), convert_heading(theirs, PLAYER))
     ours = module(crops, torch.zeros(2, 0))
-    features = residual_features(theirs, crops.double() * 2 - 1)
-    across, along = (1.4 * torch.tanh(head(theirs, "rotation_head", features))).unbind(dim=1)
-    torch.testing.assert_close(ours.double(), torch.atan2(along, across), atol=1e-5, rtol=0)
+    wanted = yaw(theirs, crops.double() * 2 - 1)
+    torch.testing.assert_close(ours.double(), wanted, atol=1e-5, rtol=0)
 
 
 def test_the_entries_of_a_static_encoder_are_those_of_the_checkpoint():

@@ -1,29 +1,13 @@
-import math
-
 import numpy as np
 import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
+from interop.perception_twin import cells
 
 from pe_runtime.perception.region_pooling import EMPTY, max_pool_regions
 
 ROWS, COLUMNS = 9, 13
-
-
-def rounded(edge):
-    """Halves away from zero."""
-    edge = float(np.float32(edge))
-    return int(math.copysign(math.floor(abs(edge) + 0.5), edge))
-
-
-def cells(low, high, count, extent):
-    first = rounded(low)
-    size = np.float32(max(rounded(high) - first + 1, 1)) / np.float32(count)
-    for cell in range(count):
-        start = math.floor(np.float32(cell) * size) + first
-        stop = math.ceil(np.float32(cell + 1) * size) + first
-        yield min(max(start, 0), extent), min(max(stop, 0), extent)
 
 
 def slow(image, region, height, width):
