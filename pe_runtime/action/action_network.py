@@ -6,7 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor, nn
 
-from pe_runtime.action.movement import ground_axes, movements
+from pe_runtime.action.movement import movements
+from pe_runtime.action.sampling import Noise, Sampling
 from pe_runtime.action.sequences import StateSequence
 from pe_runtime.config import ActionConfig
 from pe_runtime.contract.errors import ConfigError
@@ -22,13 +23,15 @@ class ActionEstimate:
 
     Attributes:
         logits: Unnormalised log-probabilities of the actions.
-        mean: Mean of the variability embedding v.
+        mean: Mean of the embedding that v is made of.
         log_variance: Its log-variance.
+        direction: The embedding as it was drawn, where drawing it is part of A; else its mean.
     """
 
     logits: Float[Tensor, "batch moves actions"]
     mean: Float[Tensor, "batch moves variability"]
     log_variance: Float[Tensor, "batch moves variability"]
+    direction: Float[Tensor, "batch moves variability"]
 
     @property
     def probabilities(self) -> Float[Tensor, "batch moves actions"]:
@@ -60,16 +63,17 @@ class ActionNetwork(nn.Module):
         self.mean = nn.Conv1d(config.hidden, config.variability, 1)
         self.log_variance = nn.Conv1d(config.hidden, config.variability, 1)
 
-    def forward(self, sequence: StateSequence) -> ActionEstimate:
+    def forward(self, sequence: StateSequence, noise: Noise | None = None) -> ActionEstimate:
         """Estimate the action of each transition.
 
         Args:
             sequence: Encoded or reconstructed states.
+            noise: Not used; this A draws nothing before it names an action.
 
         Returns:
             One estimate fewer than there are states; none for a single state.
         """
-        axes = ground_axes(sequence.world_from_camera, self.config.movement_frame)
+        axes = sequence.axes(self.config.movement_frame)
         moves = movements(sequence.positions, axes) / self.config.movement_scale
         if moves.shape[1] == 0:
             return self._nothing(moves)
@@ -79,11 +83,23 @@ class ActionNetwork(nn.Module):
         poses = self._pad(torch.cat([after, after - before], dim=-1).transpose(1, 2))
         hidden = torch.relu(self.first(torch.cat([moves, poses], dim=1)))
         hidden = torch.relu(self.second(hidden))
-        return ActionEstimate(
-            (self.logits(hidden) + self.direct(moves)).transpose(1, 2),
-            self.mean(hidden).transpose(1, 2),
-            self.log_variance(hidden).clamp(-10.0, 10.0).transpose(1, 2),
-        )
+        logits = (self.logits(hidden) + self.direct(moves)).transpose(1, 2)
+        mean = self.mean(hidden).transpose(1, 2)
+        log_variance = self.log_variance(hidden).clamp(-10.0, 10.0).transpose(1, 2)
+        return ActionEstimate(logits, mean, log_variance, mean)
+
+    def variability(
+        self, estimate: ActionEstimate, actions: Tensor, sampling: Sampling
+    ) -> Float[Tensor, "batch moves variability"]:
+        """Draw v from its estimated normal distribution (reparametrised).
+
+        Args:
+            estimate: From `forward`.
+            actions: Not used; this A says directly how an action was varied.
+            sampling: Where the noise comes from.
+        """
+        noise = sampling.noise.normal(estimate.mean)
+        return estimate.mean + noise * torch.exp(0.5 * estimate.log_variance)
 
     def _pad(self, series: Tensor) -> Tensor:
         margin = self.config.window // 2
@@ -93,34 +109,4 @@ class ActionNetwork(nn.Module):
         batch = moves.shape[0]
         variability = moves.new_zeros(batch, 0, self.config.variability)
         logits = moves.new_zeros(batch, 0, self.config.actions)
-        return ActionEstimate(logits, variability, variability)
-
-
-def sample_actions(
-    logits: Float[Tensor, "*batch actions"], temperature: float, generator: torch.Generator
-) -> Float[Tensor, "*batch actions"]:
-    """Draw one action per row by the hard Gumbel-softmax.
-
-    The result is one-hot; its gradient is that of softmax((logits + g) / temperature), with g from
-    the Gumbel distribution (straight-through estimator).
-
-    Args:
-        logits: Unnormalised log-probabilities.
-        temperature: Above 0; lower is closer to the true gradient and noisier.
-        generator: Where the noise comes from (a generator of the CPU).
-    """
-    uniform = torch.rand(logits.shape, generator=generator).to(logits)
-    tiny = torch.finfo(logits.dtype).tiny
-    # 1 - u instead of u would allow log(0) at the other end; both ends are clamped.
-    noise = -torch.log(-torch.log(uniform.clamp(tiny, 1.0 - 1e-7)))
-    soft = torch.softmax((logits + noise) / temperature, dim=-1)
-    hard = torch.zeros_like(soft).scatter(-1, soft.argmax(dim=-1, keepdim=True), 1.0)
-    return hard + soft - soft.detach()
-
-
-def sample_variability(
-    estimate: ActionEstimate, generator: torch.Generator
-) -> Float[Tensor, "batch moves variability"]:
-    """Draw v from its estimated normal distribution (reparametrised)."""
-    noise = torch.randn(estimate.mean.shape, generator=generator).to(estimate.mean)
-    return estimate.mean + noise * torch.exp(0.5 * estimate.log_variance)
+        return ActionEstimate(logits, variability, variability, variability)

@@ -65,14 +65,17 @@ def choose_memory(where: Bool[Tensor, " batch"], first: Memory, second: Memory) 
 class DynamicsNetwork(nn.Module):
     """R: LSTM layers, then heads for movement and pose.
 
+    This is ours; `ActionConfig` turns each of the following into what the paper's authors did.
     A style is constant along a sequence: R hands it on and does not look at it, so changing an
     object's style never changes its path. (Seen, it would also tell the training sequences apart
     and invite R to learn them by heart.) With `predict_style` R reads and predicts it as well, as
-    in the paper.
+    in the paper. Headings are handed on too, and are read with `sees_heading` and changed with
+    `predict_heading` only.
 
     Everything it predicts comes from LSTM outputs, which lie in (-1, 1), or from the action, so
     however long a rollout is, movement and pose stay bounded. Positions enter through tanh for the
-    same reason: far outside the trained area they say "far" and no more.
+    same reason, unless `bounded_positions` is off: far outside the trained area they say "far" and
+    no more.
     """
 
     def __init__(self, config: ActionConfig, style_features: int, pose_features: int) -> None:
@@ -80,6 +83,7 @@ class DynamicsNetwork(nn.Module):
         self.config = config
         width, layers = config.dynamics_width, config.dynamics_layers
         seen = pose_features + (style_features if config.predict_style else 0)
+        seen += 2 if config.sees_heading else 0
         features = 3 + seen + config.actions + config.variability
         widths = [features] + [width] * (layers - 1)
         self.cells = nn.ModuleList(nn.LSTMCell(each, width) for each in widths)
@@ -90,6 +94,8 @@ class DynamicsNetwork(nn.Module):
         self.direct_movement = nn.Linear(config.actions, 2, bias=False)
         self.pose = nn.Linear(width, pose_features)
         self.style = nn.Linear(width, style_features) if config.predict_style else None
+        # Sine and cosine of the angle by which the object turns.
+        self.turn = nn.Linear(width, 2) if config.predict_heading else None
         self.register_buffer("position_scale", torch.tensor(config.position_scale), False)
 
     def initial_memory(self, batch: int) -> Memory:
@@ -107,16 +113,28 @@ class DynamicsNetwork(nn.Module):
             control: Action, variability and camera.
             memory: From the step before, or `initial_memory`.
         """
-        position = torch.tanh(state.position / self.position_scale)
-        codes = [state.pose] if self.style is None else [state.style, state.pose]
-        features = torch.cat([position, *codes, control.action, control.variability], dim=-1)
+        features = torch.cat([*self._seen(state), control.action, control.variability], dim=-1)
         hidden, memory = self._remember(features, memory)
         movement = self.movement(hidden) + self.direct_movement(control.action)
         movement = self.config.movement_scale * movement
-        axes = ground_axes(control.world_from_camera, self.config.movement_frame)
+        axes = ground_axes(control.world_from_camera, self.config.movement_frame, state.facing)
+        position = moved(state.position, movement, axes)
         style = state.style if self.style is None else self.style(hidden)
-        following = PlayerState(moved(state.position, movement, axes), style, self.pose(hidden))
-        return Step(following, movement, memory)
+        heading = state.heading
+        if self.turn is not None:
+            sine, cosine = self.turn(hidden).unbind(dim=-1)
+            heading = state.facing + torch.atan2(sine, cosine)
+        return Step(PlayerState(position, style, self.pose(hidden), heading), movement, memory)
+
+    def _seen(self, state: PlayerState) -> list[Tensor]:
+        """What R looks at in a state, in the order of its input."""
+        position = state.position / self.position_scale
+        seen = [torch.tanh(position) if self.config.bounded_positions else position]
+        if self.config.sees_heading:
+            seen.append(torch.stack([state.facing.sin(), state.facing.cos()], dim=-1))
+        if self.config.predict_style:
+            seen.append(state.style)
+        return [*seen, state.pose]
 
     def _remember(self, features: Tensor, memory: Memory) -> tuple[Tensor, Memory]:
         hidden, cell = [], []

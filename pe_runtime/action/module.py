@@ -6,32 +6,12 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor, nn
 
-from pe_runtime.action.action_network import (
-    ActionEstimate,
-    ActionNetwork,
-    sample_actions,
-    sample_variability,
-)
+from pe_runtime.action.action_network import ActionEstimate, ActionNetwork
 from pe_runtime.action.dynamics import Control, DynamicsNetwork, Memory, Step
+from pe_runtime.action.sampling import Sampling, sample_actions
 from pe_runtime.action.sequences import PlayerState, StateSequence, stack_states
+from pe_runtime.action.state_action_network import StateActionNetwork
 from pe_runtime.config import ActionConfig
-
-
-@dataclass(frozen=True)
-class Sampling:
-    """How a training reconstruction is drawn.
-
-    Attributes:
-        temperature: Of the Gumbel-softmax.
-        teacher_forcing: Probability that R steps from the encoded state instead of its own.
-        variability: Probability that a sequence is rebuilt with its v; with v = 0 otherwise.
-        generator: Source of all noise (a generator of the CPU).
-    """
-
-    temperature: float
-    teacher_forcing: float
-    variability: float
-    generator: torch.Generator
 
 
 @dataclass(frozen=True)
@@ -40,7 +20,8 @@ class Reconstruction:
 
     Attributes:
         estimate: What A says about the encoded sequence.
-        actions: The sampled actions, one-hot.
+        actions: The sampled actions, one-hot unless drawn softly.
+        variability: The v of each.
         sequence: R's states; the first is the encoded one.
         moves: R's movements, (right, forward) metres.
         memory: R's memory after the last step.
@@ -48,6 +29,7 @@ class Reconstruction:
 
     estimate: ActionEstimate
     actions: Float[Tensor, "batch moves actions"]
+    variability: Float[Tensor, "batch moves variability"]
     sequence: StateSequence
     moves: Float[Tensor, "batch moves 2"]
     memory: Memory
@@ -59,7 +41,10 @@ class ActionModule(nn.Module):
     def __init__(self, config: ActionConfig, style_features: int, pose_features: int) -> None:
         super().__init__()
         self.config = config
-        self.action_network = ActionNetwork(config, pose_features)
+        if config.design == "state":
+            self.action_network = StateActionNetwork(config)
+        else:
+            self.action_network = ActionNetwork(config, pose_features)
         self.dynamics = DynamicsNetwork(config, style_features, pose_features)
 
     def infer(self, sequence: StateSequence) -> Int[Tensor, "batch moves"]:
@@ -113,16 +98,18 @@ class ActionModule(nn.Module):
 
         Args:
             sequence: Encoded states.
-            sampling: Temperature, teacher forcing, noise.
+            sampling: Temperature, teacher forcing, noise. With its `centroid_rate`, the centroids
+                of a "state" A change; nothing else in the module does.
             memory: What R remembers from before; None for a fresh start.
         """
-        estimate = self.action_network(sequence)
-        actions = sample_actions(estimate.logits, sampling.temperature, sampling.generator)
-        variability = sample_variability(estimate, sampling.generator)
+        estimate = self.action_network(sequence, sampling.noise)
+        actions = sample_actions(estimate.logits, sampling)
+        variability = self.action_network.variability(estimate, actions, sampling)
         batch, count = actions.shape[:2]
-        with_v = torch.rand(batch, 1, 1, generator=sampling.generator) < sampling.variability
+        with_v = sampling.noise.uniform(batch, 1, 1) < sampling.variability
         variability = variability * with_v.to(variability)
-        forced = torch.rand(batch, count, generator=sampling.generator) < sampling.teacher_forcing
+        forced = sampling.noise.uniform(batch, count) < sampling.teacher_forcing
+        forced[:, : sampling.given] = True
         forced = forced.to(actions.device)
         states, moves = [sequence.at(0)], []
         memory = memory or self.dynamics.initial_memory(batch)
@@ -135,13 +122,15 @@ class ActionModule(nn.Module):
             memory = step.memory
         rebuilt = stack_states(states, sequence.world_from_camera)
         moves = torch.stack(moves, dim=1) if moves else actions.new_zeros(batch, 0, 2)
-        return Reconstruction(estimate, actions, rebuilt, moves, memory)
+        return Reconstruction(estimate, actions, variability, rebuilt, moves, memory)
 
 
 def _choose(where: Tensor, first: PlayerState, second: PlayerState) -> PlayerState:
     where = where[:, None]
+    turned = first.heading is not None or second.heading is not None
     return PlayerState(
         torch.where(where, first.position, second.position),
         torch.where(where, first.style, second.style),
         torch.where(where, first.pose, second.pose),
+        torch.where(where[:, 0], first.facing, second.facing) if turned else None,
     )

@@ -2,7 +2,8 @@
 
 The dynamics network says "0.3 m to the right" and not "0.3 m along +x", so that an action keeps its
 meaning when the camera turns (paper, Sec. 3.2). Its M is the camera's yaw here: tilt and roll are
-left out because objects stay on the ground.
+left out because objects stay on the ground. The models of the paper's authors speak of the right
+and forward of the object itself, which are world x and y at heading 0.
 
         world, from above            camera looks along z, x points right
             y                             forward = (z_x, z_y) / |.|
@@ -20,7 +21,9 @@ SHORTEST_FORWARD = 1e-3
 
 
 def ground_axes(
-    world_from_camera: Float[Tensor, "*batch 3 3"], frame: str = "camera"
+    world_from_camera: Float[Tensor, "*batch 3 3"],
+    frame: str = "camera",
+    headings: Float[Tensor, "*batch"] | None = None,
 ) -> Float[Tensor, "*batch 2 2"]:
     """Ground directions that "right" and "forward" mean, as columns (the paper's M).
 
@@ -31,16 +34,20 @@ def ground_axes(
 
     Args:
         world_from_camera: Rotations, camera axes as OpenCV has them (x right, y down, z forward).
-        frame: "camera", or "world" for models whose movements are along world x and y.
+        frame: "camera", "object" for movements along the object's own axes, or "world" for those
+            along world x and y.
+        headings: Radians about world z; None where objects keep the world's axes.
 
     Raises:
         ConfigError: Another frame is asked for.
     """
-    if frame == "world":
+    if frame == "object" and headings is not None:
+        return _turned(headings)
+    if frame in ("world", "object"):
         batch = world_from_camera.shape[:-2]
         return torch.eye(2).to(world_from_camera).expand(*batch, 2, 2)
     if frame != "camera":
-        raise ConfigError(f"movement_frame must be 'camera' or 'world', found {frame!r}")
+        raise ConfigError(f"movement_frame must be 'camera', 'object' or 'world', found {frame!r}")
     view, down = world_from_camera[..., 2], world_from_camera[..., 1]
     upper_edge = torch.where(view[..., 2:] > 0, down[..., :2], -down[..., :2])
     world_y = torch.tensor([0.0, 1.0]).to(view).expand_as(upper_edge)
@@ -75,6 +82,13 @@ def moved(
     """Position after a movement, x + M Delta; the height stays what it was."""
     step = torch.einsum("...wm,...m->...w", axes, movement)
     return torch.cat([position[..., :2] + step, position[..., 2:]], dim=-1)
+
+
+def _turned(headings: Tensor) -> Tensor:
+    """Ground axes of objects with the given headings."""
+    sine, cosine = headings.sin(), headings.cos()
+    right, forward = torch.stack([cosine, sine], dim=-1), torch.stack([-sine, cosine], dim=-1)
+    return torch.stack([right, forward], dim=-1)
 
 
 def _first_long_enough(wanted: Tensor, otherwise: Tensor) -> Tensor:

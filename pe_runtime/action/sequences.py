@@ -6,6 +6,8 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from pe_runtime.action.movement import ground_axes
+
 
 @dataclass(frozen=True)
 class PlayerState:
@@ -22,6 +24,11 @@ class PlayerState:
     style: Float[Tensor, "batch style"]
     pose: Float[Tensor, "batch pose"]
     heading: Float[Tensor, " batch"] | None = None
+
+    @property
+    def facing(self) -> Float[Tensor, " batch"]:
+        """The heading, 0 where objects keep the world's axes."""
+        return torch.zeros_like(self.position[:, 0]) if self.heading is None else self.heading
 
 
 @dataclass(frozen=True)
@@ -42,9 +49,23 @@ class StateSequence:
     world_from_camera: Float[Tensor, "batch time 3 3"]
     headings: Float[Tensor, "batch time"] | None = None
 
+    @property
+    def facings(self) -> Float[Tensor, "batch time"]:
+        """The headings, 0 where objects keep the world's axes."""
+        return torch.zeros_like(self.positions[..., 0]) if self.headings is None else self.headings
+
+    def axes(self, frame: str) -> Float[Tensor, "batch time 2 2"]:
+        """What "right" and "forward" mean at every step; see `ground_axes`."""
+        return ground_axes(self.world_from_camera, frame, self.facings)
+
     def at(self, step: int) -> PlayerState:
         """The states at one step."""
-        return PlayerState(self.positions[:, step], self.styles[:, step], self.poses[:, step])
+        return PlayerState(
+            self.positions[:, step],
+            self.styles[:, step],
+            self.poses[:, step],
+            None if self.headings is None else self.headings[:, step],
+        )
 
     def detach(self) -> "StateSequence":
         """The same numbers without their history of gradients."""
@@ -53,6 +74,7 @@ class StateSequence:
             self.styles.detach(),
             self.poses.detach(),
             self.world_from_camera,
+            None if self.headings is None else self.headings.detach(),
         )
 
 
@@ -60,9 +82,11 @@ def stack_states(
     states: list[PlayerState], world_from_camera: Float[Tensor, "batch time 3 3"]
 ) -> StateSequence:
     """Join the states of successive steps to one sequence."""
+    turned = any(each.heading is not None for each in states)
     return StateSequence(
         torch.stack([each.position for each in states], dim=1),
         torch.stack([each.style for each in states], dim=1),
         torch.stack([each.pose for each in states], dim=1),
         world_from_camera,
+        torch.stack([each.facing for each in states], dim=1) if turned else None,
     )

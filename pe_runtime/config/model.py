@@ -10,6 +10,7 @@ from pe_runtime.contract.errors import ConfigError
 RENDERER_DESIGNS = ("light", "paper")
 ACTION_DESIGNS = ("transition", "state")
 MOVEMENT_FRAMES = ("camera", "world", "object")
+DISCRIMINATORS = ("movements", "states")
 QUADRATURES = ("interval", "release-2022")
 
 
@@ -60,7 +61,12 @@ class ActionConfig:
     hidden: int = 128
     dynamics_width: int = 192
     dynamics_layers: int = 1
+    discriminator: str = "movements"
+    """What D judges: "movements" and poses (ours), or positions and poses beside the actions that
+    A found in them, "states" (the paper's authors)."""
     discriminator_width: int = 64
+    discriminator_scale: Triple = (1.0, 1.0, 1.0)
+    """Metres that count as 1 where positions enter a D of "states"."""
     position_scale: Triple = (4.0, 4.0, 2.0)
     """Metres that count as 1 where positions enter R and a "state" A."""
     bounded_positions: bool = True
@@ -75,10 +81,12 @@ class ActionConfig:
     """R also turns objects."""
     predict_style: bool = False
     window: int = 3
+    """Transitions that a "transition" A reads at once, the middle one being the one in question."""
 
     def __post_init__(self) -> None:
         demand_one_of(self.design, ACTION_DESIGNS, "action: design")
         demand_one_of(self.movement_frame, MOVEMENT_FRAMES, "action: movement_frame")
+        demand_one_of(self.discriminator, DISCRIMINATORS, "action: discriminator")
         sees = self.sees_heading or not self.predict_heading
         demand(sees, "action: sees_heading where predict_heading")
 

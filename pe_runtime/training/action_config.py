@@ -30,12 +30,30 @@ class ActionTrainingConfig:
     pose_weight: float = 1.0
     style_weight: float = 0.1
     """Without effect unless R predicts styles."""
+    heading_weight: float = 1.0
+    """Without effect unless R predicts headings."""
     action_weight: float = 0.15
+    joint_memory: float = 0.0
+    """Share of the batches before in the joint probabilities of the action loss."""
     movement_weight: float = 0.3
+    movement_slack: float = 0.0
+    """Added to probabilities and variances of the movement loss, metres squared."""
+    movement_frame: str = "model"
+    """Whose right and forward the movement loss means: the "model"'s own `movement_frame`, or
+    another of the frames that a model can have."""
     adversarial_weight: float = 0.01
     variability_weight: float = 0.05
     variability_share: float = 0.5
     """Sequences rebuilt with v; the others with v = 0, as at inference."""
+    centroid_rate: float = 0.1
+    """How fast the actions' centroids follow each batch; without effect unless A is of the design
+    "state"."""
+    soft_actions: bool = False
+    """R gets mixtures of actions in training, not one of them."""
+    given_states: int = 1
+    """R steps from so many encoded states before it steps from its own."""
+    go_on: bool = False
+    """Start from the weights of the model's own actions instead of anew, as far as it has them."""
     fresh_memory: float = 0.5
     """Windows that start with a fresh memory. The others go on with what R remembers of the window
     drawn before, so memories grow older than the sequences are long and long rollouts hold."""

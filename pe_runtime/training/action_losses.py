@@ -1,5 +1,6 @@
 """Losses of the action module (paper, Sec. 3.4), as pure functions of states and probabilities."""
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import softplus
@@ -32,32 +33,64 @@ def code_loss(
     return _mean_square((rebuilt - encoded)[:, 1:])
 
 
-def mutual_information(
-    first: Float[Tensor, "samples actions"], second: Float[Tensor, "samples actions"]
+def heading_loss(
+    rebuilt: Float[Tensor, "batch time"], encoded: Float[Tensor, "batch time"]
 ) -> Float[Tensor, ""]:
-    """Mutual information in nats of the actions that A sees in two versions of the same samples.
+    """Mean squared difference of the headings' sines and cosines over steps after the first.
 
-    With P = mean_n p_n q_n^T, made symmetric as (P + P^T) / 2, and its marginal m:
+    Args:
+        rebuilt: R's headings, radians.
+        encoded: E's headings.
+    """
+    sines, cosines = rebuilt.sin() - encoded.sin(), rebuilt.cos() - encoded.cos()
+    return _mean_square(torch.stack([sines, cosines], dim=-1)[:, 1:])
+
+
+def joint_probabilities(
+    first: Float[Tensor, "samples actions"],
+    second: Float[Tensor, "samples actions"],
+    running: Float[Tensor, "actions actions"] | None = None,
+    memory: float = 0.0,
+) -> Float[Tensor, "actions actions"]:
+    """How often A sees one action in one version of a sample and one in another version of it.
+
+    P = mean_n p_n q_n^T, made symmetric as (P + P^T) / 2, and with a running estimate
+    memory * running + (1 - memory) * P, through whose first part no gradient flows.
+
+    Args:
+        first: p, probabilities from the encoded states.
+        second: q, probabilities from the rebuilt states.
+        running: What the batch before this one gave.
+        memory: Its share, in [0, 1).
+
+    Returns:
+        A symmetric table that sums to 1; without samples, to `memory`.
+    """
+    joint = first.T @ second / max(first.shape[0], 1)
+    joint = (joint + joint.T) / 2
+    return joint if running is None else memory * running.detach() + (1.0 - memory) * joint
+
+
+def mutual_information(joint: Float[Tensor, "actions actions"]) -> Float[Tensor, ""]:
+    """Mutual information in nats of two versions of an action.
+
+    With the marginal m of P:
         MI = sum_ij P_ij (log P_ij - log m_i - log m_j)
     It is 0 for independent or constant actions and log K when both agree on K equally frequent
     ones. Zero probabilities contribute nothing (clamped inside the logarithms only).
 
     Args:
-        first: p, probabilities from the encoded states.
-        second: q, probabilities from the rebuilt states.
-
-    Returns:
-        A scalar; 0 without samples.
+        joint: P, symmetric; from `joint_probabilities`.
     """
-    joint = first.T @ second / max(first.shape[0], 1)
-    joint = (joint + joint.T) / 2
     marginal = joint.sum(dim=1)
     ratio = _log(joint) - _log(marginal)[:, None] - _log(marginal)[None, :]
     return (joint * ratio).sum()
 
 
 def soft_delta_mse(
-    probabilities: Float[Tensor, "samples actions"], moves: Float[Tensor, "samples axes"]
+    probabilities: Float[Tensor, "samples actions"],
+    moves: Float[Tensor, "samples axes"],
+    slack: float = 0.0,
 ) -> Float[Tensor, ""]:
     """Share of the movements' variance that the actions leave unexplained (the paper's L_Delta).
 
@@ -70,13 +103,16 @@ def soft_delta_mse(
     Args:
         probabilities: p, rows that sum to 1.
         moves: D, one movement per row, any unit.
+        slack: Added to the probability of each action before its mean is taken, and to the variance
+            of each axis (1e-4 in the training of the paper's authors). It pulls rare actions' means
+            to 0 and bounds the loss of objects that stand.
     """
     if moves.shape[0] == 0:
         return probabilities.sum()
     mass = probabilities.sum(dim=0)
-    centres = (probabilities.T @ moves) / mass.clamp_min(SMALLEST)[:, None]
+    centres = (probabilities.T @ moves) / (mass + slack).clamp_min(SMALLEST)[:, None]
     distance = (moves[:, None] - centres[None]).square().sum(dim=-1)
-    variance = (moves - moves.mean(dim=0)).square().sum(dim=-1).mean()
+    variance = (moves - moves.mean(dim=0)).square().sum(dim=-1).mean() + moves.shape[1] * slack
     return (probabilities * distance).sum(dim=-1).mean() / variance.clamp_min(SMALLEST)
 
 

@@ -7,8 +7,9 @@ from torch import Tensor, nn
 
 from pe_runtime.action.discriminator import TemporalDiscriminator
 from pe_runtime.action.dynamics import Memory, choose_memory
-from pe_runtime.action.module import ActionModule, Reconstruction, Sampling
-from pe_runtime.action.movement import ground_axes, movements
+from pe_runtime.action.module import ActionModule, Reconstruction
+from pe_runtime.action.movement import movements
+from pe_runtime.action.sampling import Noise, Sampling
 from pe_runtime.action.sequences import StateSequence
 from pe_runtime.checkpoint import fit
 from pe_runtime.config import ActionConfig
@@ -65,10 +66,27 @@ class ActionPhase:
         with torch.no_grad():
             initial = self.module.dynamics.initial_memory(training.batch)
             self.memory = Memory(initial.hidden.clone(), initial.cell.clone())
+        self.joint = torch.full((config.actions,) * 2, config.actions**-2.0, device=device)
         self.optimisers = {
             "module": _adam(self.module, training.learning_rate, training.betas),
             "judge": _adam(self.judge, training.discriminator_learning_rate, training.betas),
         }
+
+    def start_from(self, module: Mapping[str, Tensor], judge: Mapping[str, Tensor]) -> None:
+        """Go on from weights that were trained before.
+
+        Args:
+            module: Tensors of the action module.
+            judge: Tensors of D; none for one that starts anew.
+
+        Raises:
+            CheckpointError: They belong to networks of other sizes.
+        """
+        for name, tensors in (("module", module), ("judge", judge)):
+            network = self._networks()[name]
+            if tensors:
+                fit(network.state_dict(), tensors, f"the action {name} to go on from")
+                network.load_state_dict(tensors)
 
     def step(self, progress: float) -> Log:
         """One step of A and R against D, then one of D against them.
@@ -78,12 +96,7 @@ class ActionPhase:
         """
         training = self.training
         generator = torch.Generator().manual_seed(int(torch.randint(2**62, ())))
-        sampling = Sampling(
-            _between(training.first_temperature, training.last_temperature, progress),
-            _between(training.first_teacher_forcing, training.last_teacher_forcing, progress),
-            training.variability_share,
-            generator,
-        )
+        sampling = self._sampling(progress, generator)
         share = learning_rate_share(progress, training.warmup)
         lengths = (min(training.shortest, training.longest), training.longest + 1)
         length = int(torch.randint(*lengths, (), generator=generator))
@@ -91,13 +104,33 @@ class ActionPhase:
         self.judge.requires_grad_(False)
         rebuilt = self.module.reconstruct(encoded, sampling, self._memory(generator))
         self.memory = Memory(rebuilt.memory.hidden.detach(), rebuilt.memory.cell.detach())
-        loss, figures = self._module_loss(encoded, rebuilt)
+        loss, figures = self._module_loss(encoded, rebuilt, sampling.noise)
         self._descend("module", loss, training.learning_rate * share)
         self.judge.requires_grad_(True)
-        real, fake = self.judge(encoded), self.judge(rebuilt.sequence.detach())
+        real = self._judged(encoded, rebuilt)
+        fake = self._judged(rebuilt.sequence.detach(), rebuilt)
         loss = losses.discriminator_loss(real, fake)
         self._descend("judge", loss, training.discriminator_learning_rate * share)
         return figures | {"discriminator": loss.item()}
+
+    def _sampling(self, progress: float, generator: torch.Generator) -> Sampling:
+        training = self.training
+        return Sampling(
+            _between(training.first_temperature, training.last_temperature, progress),
+            _between(training.first_teacher_forcing, training.last_teacher_forcing, progress),
+            training.variability_share,
+            Noise(generator),
+            training.soft_actions,
+            training.given_states,
+            training.centroid_rate,
+        )
+
+    def _judged(self, sequence: StateSequence, rebuilt: Reconstruction) -> Tensor:
+        """D's logits of a sequence, encoded or rebuilt, in which A drew the rebuilt one's actions.
+
+        Both kinds are judged beside the same actions, so that these cannot tell them apart.
+        """
+        return self.judge(sequence, rebuilt.actions, rebuilt.estimate.direction)
 
     def _memory(self, generator: torch.Generator) -> Memory:
         """Where R starts: fresh, or with the memory that the last windows left behind."""
@@ -105,24 +138,35 @@ class ActionPhase:
         initial = self.module.dynamics.initial_memory(self.training.batch)
         return choose_memory(fresh.to(initial.hidden.device), initial, self.memory)
 
-    def _module_loss(self, encoded: StateSequence, rebuilt: Reconstruction) -> tuple[Tensor, Log]:
+    def _module_loss(
+        self, encoded: StateSequence, rebuilt: Reconstruction, noise: Noise
+    ) -> tuple[Tensor, Log]:
         training, estimate = self.training, rebuilt.estimate
-        seen_again = self.module.action_network(rebuilt.sequence).probabilities.flatten(0, 1)
+        again = self.module.action_network(rebuilt.sequence, noise)
+        seen_again = again.probabilities.flatten(0, 1)
         seen = estimate.probabilities.flatten(0, 1)
-        axes = ground_axes(encoded.world_from_camera, self.config.movement_frame)
-        moves = movements(encoded.positions, axes).flatten(0, 1)
-        scale = self.config.movement_scale
+        joint = losses.joint_probabilities(seen, seen_again, self.joint, training.joint_memory)
+        self.joint = joint.detach()
+        scale, slack = self.config.movement_scale, training.movement_slack
         terms = {
             "position": losses.position_loss(rebuilt.sequence, encoded, scale),
             "pose": losses.code_loss(rebuilt.sequence.poses, encoded.poses),
             "style": losses.code_loss(rebuilt.sequence.styles, encoded.styles),
-            "action": -losses.mutual_information(seen, seen_again),
-            "movement": losses.soft_delta_mse(seen, moves),
-            "adversarial": losses.generator_loss(self.judge(rebuilt.sequence)),
+            "action": -losses.mutual_information(joint),
+            "movement": losses.soft_delta_mse(seen, self._moves(encoded), slack),
+            "adversarial": losses.generator_loss(self._judged(rebuilt.sequence, rebuilt)),
             "variability": losses.variability_divergence(estimate.mean, estimate.log_variance),
         }
+        if self.config.predict_heading:
+            terms["heading"] = losses.heading_loss(rebuilt.sequence.facings, encoded.facings)
         total = sum(getattr(training, f"{name}_weight") * term for name, term in terms.items())
         return total, {"loss": total.item()} | {name: term.item() for name, term in terms.items()}
+
+    def _moves(self, sequence: StateSequence) -> Tensor:
+        """The sequence's movements as the movement loss sees them, (moves 2) metres."""
+        frame = self.training.movement_frame
+        axes = sequence.axes(self.config.movement_frame if frame == "model" else frame)
+        return movements(sequence.positions, axes).flatten(0, 1)
 
     def _descend(self, name: str, loss: Tensor, rate: float) -> None:
         optimiser, network = self.optimisers[name], self._networks()[name]
@@ -146,8 +190,7 @@ class ActionPhase:
         actions = self.module.infer(sequence)
         played = self.module.play(sequence.at(0), actions, sequence.world_from_camera)
         away = (played.positions - sequence.positions)[:, -1].norm(dim=-1)
-        axes = ground_axes(sequence.world_from_camera, self.config.movement_frame)
-        moves = movements(sequence.positions, axes).flatten(0, 1)
+        moves = self._moves(sequence)
         chosen = nn.functional.one_hot(actions.flatten(), self.config.actions).to(moves)
         figures = {
             "rollout_distance": away.mean().item(),
@@ -161,8 +204,8 @@ class ActionPhase:
         return figures
 
     def tensors(self) -> dict[str, Tensor]:
-        """Weights and optimisers of both sides, and R's memory."""
-        tensors = {"memory.hidden": self.memory.hidden, "memory.cell": self.memory.cell}
+        """Weights and optimisers of both sides, and what is remembered from batch to batch."""
+        tensors = self._remembered()
         for name, network in self._networks().items():
             tensors |= {f"{name}.{key}": each for key, each in network.state_dict().items()}
             tensors |= optimiser_tensors(self.optimisers[name], f"optimiser_{name}")
@@ -175,15 +218,20 @@ class ActionPhase:
             CheckpointError: It belongs to networks or batches of other sizes.
         """
         memory = {n: t for n, t in tensors.items() if n.startswith("memory.")}
-        own = {"memory.hidden": self.memory.hidden, "memory.cell": self.memory.cell}
-        fit(own, memory, "the action phase's memory")
+        fit(self._remembered(), memory, "the action phase's memory")
         self.memory = Memory(memory["memory.hidden"], memory["memory.cell"])
+        self.joint = memory.get("memory.joint", self.joint)
         for name, network in self._networks().items():
             prefix = f"{name}."
             own = {n[len(prefix) :]: t for n, t in tensors.items() if n.startswith(prefix)}
             fit(network.state_dict(), own, f"the action phase's {name}")
             network.load_state_dict(own)
             restore_optimiser(self.optimisers[name], tensors, f"optimiser_{name}")
+
+    def _remembered(self) -> dict[str, Tensor]:
+        tensors = {"memory.hidden": self.memory.hidden, "memory.cell": self.memory.cell}
+        joint = {"memory.joint": self.joint} if self.training.joint_memory > 0 else {}
+        return tensors | joint
 
     def _networks(self) -> dict[str, nn.Module]:
         return {"module": self.module, "judge": self.judge}

@@ -20,6 +20,7 @@ class ActionDataset:
         poses: Deformation codes.
         world_from_camera: Camera rotations.
         true_actions: Actions that were really taken, where a recorder knows them; only logged.
+        headings: Radians about the world's z axis; None where objects keep the world's axes.
     """
 
     positions: Float[Tensor, "sequences time 3"]
@@ -27,10 +28,12 @@ class ActionDataset:
     poses: Float[Tensor, "sequences time pose"]
     world_from_camera: Float[Tensor, "sequences time 3 3"]
     true_actions: Int[Tensor, "sequences moves"] | None = None
+    headings: Float[Tensor, "sequences time"] | None = None
 
     def __post_init__(self) -> None:
-        for name in ("positions", "styles", "poses", "world_from_camera"):
-            if not torch.isfinite(getattr(self, name)).all():
+        for name in ("positions", "styles", "poses", "world_from_camera", "headings"):
+            values = getattr(self, name)
+            if values is not None and not torch.isfinite(values).all():
                 raise EpisodeError(
                     f"the encoded {name} hold NaN or infinity; leave out the sequences in which"
                     " an object has no box"
@@ -47,7 +50,9 @@ class ActionDataset:
     def sequences(self) -> StateSequence:
         """All of them, whole."""
         styles = self.styles[:, None].expand(-1, self.steps, -1)
-        return StateSequence(self.positions, styles, self.poses, self.world_from_camera)
+        return StateSequence(
+            self.positions, styles, self.poses, self.world_from_camera, self.headings
+        )
 
     def first(self, count: int) -> "ActionDataset":
         """The first so many of the sequences, or all."""
@@ -62,6 +67,7 @@ class ActionDataset:
             self.poses[keep],
             self.world_from_camera[keep],
             None if true is None else true[keep.to(true.device)],
+            None if self.headings is None else self.headings[keep],
         )
 
     def sample(self, generator: torch.Generator, batch: int, steps: int) -> StateSequence:
@@ -82,6 +88,7 @@ class ActionDataset:
             self.styles[which].expand(-1, steps, -1),
             self.poses[which, when],
             self.world_from_camera[which, when],
+            None if self.headings is None else self.headings[which, when],
         )
 
 
@@ -108,10 +115,12 @@ def join(datasets: list[ActionDataset]) -> ActionDataset:
             f"sequences must agree in (steps, style size, pose size); found {sorted(shapes)}"
         )
     known = [each.true_actions for each in datasets]
+    turned = [each.headings for each in datasets]
     return ActionDataset(
         torch.cat([each.positions for each in datasets]),
         torch.cat([each.styles for each in datasets]),
         torch.cat([each.poses for each in datasets]),
         torch.cat([each.world_from_camera for each in datasets]),
         None if any(each is None for each in known) else torch.cat(known),
+        None if any(each is None for each in turned) else torch.cat(turned),
     )

@@ -54,6 +54,7 @@ def encode_clips(
                     each.pose[None],
                     batch.cameras.rotations.float()[None],
                     actions[None] if bool((actions >= 0).all()) else None,
+                    None if each.heading is None else each.heading[None],
                 )
             )
         on_progress(clip + 1, len(clips))

@@ -1,11 +1,12 @@
 """From a trained synthesis module to a whole model: actions learnt, named and stored with it."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import torch
+from torch import Tensor, nn
 
 from pe_runtime.action.description import KnownActions, describe_actions
 from pe_runtime.action.module import ActionModule
@@ -57,10 +58,13 @@ def train_model_actions(
     if not playable:
         raise ConfigError(f"{synthesis} has no playable class; there are no actions to learn")
     modules: dict[str, ActionModule] = {}
+    judges: dict[str, nn.Module] = {}
     described: dict[str, list[dict[str, Any]]] = {}
     for name in playable:
         dataset = encode_clips(networks, clips, name)
         phase = ActionPhase(dataset, config.action, training)
+        if training.go_on:
+            phase.start_from(_own(tensors, f"actions.{name}."), _own(tensors, f"judges.{name}."))
         schedule = Schedule(
             steps=training.steps,
             log_every=training.log_every,
@@ -69,7 +73,7 @@ def train_model_actions(
             seed=training.seed,
         )
         run(phase, Path(output) / name, schedule, resume, on_log)
-        modules[name] = phase.module.eval()
+        modules[name], judges[name] = phase.module.eval(), phase.judge
         known = None
         if dataset.true_actions is not None and clips.action_names:
             known = KnownActions(dataset.true_actions, clips.action_names)
@@ -81,7 +85,7 @@ def train_model_actions(
         "actions": described,
         "action_names": {n: [d["name"] for d in each] for n, each in described.items()},
     }
-    write_model(path, config, networks, modules, facts)
+    write_model(path, config, networks, modules, facts, judges)
     return path
 
 
@@ -91,6 +95,7 @@ def write_model(
     networks: SynthesisNetworks,
     modules: dict[str, ActionModule],
     facts: dict[str, Any],
+    judges: Mapping[str, nn.Module] | None = None,
 ) -> None:
     """Store all networks of a model in one file that `PlayableEnvironment.load` reads.
 
@@ -100,8 +105,15 @@ def write_model(
         networks: Its synthesis module.
         modules: Action module of each playable class.
         facts: Further facts for the header; `action_names` is what users see.
+        judges: Discriminator of each playable class, which only a further training reads.
     """
     tensors = prefixed(networks)
-    for name, module in modules.items():
-        tensors |= {f"actions.{name}.{key}": t for key, t in module.state_dict().items()}
+    for kind, trained in (("actions", modules), ("judges", judges or {})):
+        for name, module in trained.items():
+            tensors |= {f"{kind}.{name}.{key}": t for key, t in module.state_dict().items()}
     save_checkpoint(path, tensors, {"kind": "model", "config": as_dict(config), **facts})
+
+
+def _own(tensors: Mapping[str, Tensor], prefix: str) -> dict[str, Tensor]:
+    """The tensors below a prefix, without it."""
+    return {n[len(prefix) :]: t for n, t in tensors.items() if n.startswith(prefix)}

@@ -2,16 +2,17 @@ import pytest
 import torch
 from synthetic_states import make_states
 
-from pe_runtime.action.action_network import (
-    ActionNetwork,
-    sample_actions,
-    sample_variability,
-)
+from pe_runtime.action.action_network import ActionNetwork
+from pe_runtime.action.sampling import Noise, Sampling, sample_actions
 from pe_runtime.action.sequences import StateSequence
 from pe_runtime.config import ActionConfig
 from pe_runtime.contract.errors import ConfigError
 
 SMALL = ActionConfig(actions=5, hidden=16, variability=3)
+
+
+def sampling(temperature=1.0, seed=0, soft=False):
+    return Sampling(temperature, 0.0, 1.0, Noise(torch.Generator().manual_seed(seed)), soft)
 
 
 def first_steps(sequence, steps, batch=None):
@@ -90,7 +91,7 @@ def test_a_window_must_have_a_middle(window):
 
 def test_sampled_actions_are_one_hot_and_carry_gradients():
     logits = torch.randn(6, 4, 5, requires_grad=True)
-    actions = sample_actions(logits, 0.5, torch.Generator().manual_seed(1))
+    actions = sample_actions(logits, sampling(0.5, seed=1))
     assert torch.allclose(actions.sum(-1), torch.ones(6, 4))
     assert torch.allclose(actions.max(-1).values, torch.ones(6, 4))
     (actions * torch.randn(6, 4, 5)).sum().backward()
@@ -99,22 +100,31 @@ def test_sampled_actions_are_one_hot_and_carry_gradients():
 
 def test_sampled_actions_follow_their_probabilities():
     logits = torch.tensor([0.5, 0.3, 0.2]).log().expand(20000, 3)
-    share = sample_actions(logits, 1.0, torch.Generator().manual_seed(0)).mean(0)
+    share = sample_actions(logits, sampling()).mean(0)
     assert torch.allclose(share, torch.tensor([0.5, 0.3, 0.2]), atol=0.02)
+
+
+def test_softly_sampled_actions_are_mixtures_around_the_hard_ones():
+    logits = torch.randn(50, 5, generator=torch.Generator().manual_seed(0))
+    hard, soft = (sample_actions(logits, sampling(seed=3, soft=soft)) for soft in (False, True))
+    assert torch.allclose(soft.sum(-1), torch.ones(50))
+    assert torch.equal(hard.argmax(-1), soft.argmax(-1))
+    assert soft.max(-1).values.min() < 0.9
 
 
 @pytest.mark.parametrize("temperature", [1e-3, 1.0, 100.0])
 def test_extreme_logits_sample_without_nan(temperature):
     logits = torch.tensor([[1e4, -1e4, 0.0], [0.0, 0.0, 0.0]], requires_grad=True)
-    actions = sample_actions(logits, temperature, torch.Generator().manual_seed(0))
+    actions = sample_actions(logits, sampling(temperature))
     actions.square().sum().backward()
     assert torch.isfinite(actions).all() and torch.isfinite(logits.grad).all()
 
 
 def test_variability_has_the_estimated_mean_and_spread(network, sequence):
     estimate = network(sequence)
-    generator = torch.Generator().manual_seed(0)
-    drawn = torch.stack([sample_variability(estimate, generator) for _ in range(2000)])
+    actions, drawing = estimate.probabilities, sampling()
+    drawn = [network.variability(estimate, actions, drawing) for _ in range(2000)]
+    drawn = torch.stack(drawn)
     spread = torch.exp(0.5 * estimate.log_variance)
     assert torch.allclose(drawn.mean(0), estimate.mean, atol=0.15)
     assert torch.allclose(drawn.std(0), spread, rtol=0.1)

@@ -1,3 +1,6 @@
+import dataclasses
+import math
+
 import pytest
 import torch
 from synthetic_states import make_states
@@ -113,3 +116,72 @@ def test_turning_the_camera_turns_the_movement(network):
     step, other = network(start, given, memory), network(start, turned, memory)
     moved = (step.state.position - start.position) @ turn.T
     assert torch.allclose(other.state.position - start.position, moved, atol=1e-5)
+
+
+def facing(start, heading):
+    return dataclasses.replace(start, heading=torch.full((len(start.position),), heading))
+
+
+def turning(**further):
+    torch.manual_seed(0)
+    knobs = {"sees_heading": True, "movement_frame": "object"} | further
+    return DynamicsNetwork(dataclasses.replace(SMALL, **knobs), 8, 16)
+
+
+def test_a_heading_is_handed_on_unless_it_is_predicted(network):
+    assert roll(network, state(2), [0, 1])[0][-1].heading is None
+    kept = roll(turning(), facing(state(2), 0.7), [0, 1])[0][-1].heading
+    assert torch.equal(kept, torch.full((2,), 0.7))
+    turned = roll(turning(predict_heading=True), state(2), [0, 1])[0][-1].heading
+    assert (turned.abs() > 1e-3).all()
+
+
+def test_a_predicted_turn_is_the_angle_of_its_sine_and_cosine():
+    network = turning(predict_heading=True)
+    with torch.no_grad():
+        network.turn.weight.zero_()
+        network.turn.bias.copy_(torch.tensor([1.0, -1.0]))
+    step = network(facing(state(1), 0.5), control(1), network.initial_memory(1))
+    assert torch.allclose(step.state.heading, torch.tensor([0.5 + 0.75 * math.pi]))
+
+
+def test_in_the_object_frame_a_turned_object_goes_another_way_under_any_camera():
+    network = turning(sees_heading=False)
+    start, memory = state(1), network.initial_memory(1)
+    ahead = network(facing(start, 0.0), control(1), memory)
+    turned = network(facing(start, math.pi / 2), control(1), memory)
+    assert torch.equal(ahead.movement, turned.movement)
+    right, forward = ahead.movement[0].tolist()
+    moved = (ahead.state.position - start.position)[0, :2].tolist()
+    assert moved == pytest.approx([right, forward], abs=1e-6)
+    moved = (turned.state.position - start.position)[0, :2].tolist()
+    assert moved == pytest.approx([-forward, right], abs=1e-6)
+
+
+def test_a_seen_heading_counts_only_up_to_whole_turns():
+    network = turning(movement_frame="world")
+    start, memory = state(1), network.initial_memory(1)
+    poses = [
+        network(facing(start, a), control(1), memory).state.pose for a in (0.4, 0.4 + math.tau)
+    ]
+    other = network(facing(start, 1.4), control(1), memory).state.pose
+    assert torch.allclose(*poses, atol=1e-5)
+    assert not torch.allclose(poses[0], other, atol=1e-4)
+
+
+@pytest.mark.parametrize(("bounded", "differ"), [(True, False), (False, True)])
+def test_far_away_is_one_place_only_where_positions_are_bounded(bounded, differ):
+    network = turning(bounded_positions=bounded)
+    start, memory = state(1), network.initial_memory(1)
+    places = [torch.tensor([[40.0, -40.0, 20.0]]) * times for times in (1, 2)]
+    far, farther = (dataclasses.replace(start, position=place) for place in places)
+    first, second = (network(each, control(1), memory).state.pose for each in (far, farther))
+    assert torch.allclose(first, second, atol=1e-5) is not differ
+
+
+def test_every_parameter_of_a_turning_r_gets_a_gradient():
+    network = turning(predict_heading=True)
+    states, _ = roll(network, facing(state(3), 0.2), [0, 1, 2, 3, 4])
+    sum(s.position.square().sum() + s.pose.sum() + s.heading.sum() for s in states).backward()
+    without = [n for n, p in network.named_parameters() if p.grad is None or not p.grad.any()]
+    assert not without

@@ -2,21 +2,33 @@ import pytest
 import torch
 from synthetic_states import make_states
 
-from pe_runtime.action.module import ActionModule, Sampling
+from pe_runtime.action.module import ActionModule
+from pe_runtime.action.sampling import Noise, Sampling
 from pe_runtime.action.sequences import PlayerState
 from pe_runtime.config import ActionConfig
 
 SMALL = ActionConfig(actions=5, hidden=16, variability=3, dynamics_width=24)
+TURNING = ActionConfig(
+    design="state",
+    actions=5,
+    hidden=16,
+    variability=3,
+    dynamics_width=24,
+    movement_frame="object",
+    sees_heading=True,
+    predict_heading=True,
+)
 
 
-@pytest.fixture
-def module():
+@pytest.fixture(params=[SMALL, TURNING], ids=["transition", "state"])
+def module(request):
     torch.manual_seed(0)
-    return ActionModule(SMALL, 16, 16)
+    return ActionModule(request.param, 16, 16)
 
 
-def sampling(teacher_forcing=0.5, variability=0.5, seed=0):
-    return Sampling(1.0, teacher_forcing, variability, torch.Generator().manual_seed(seed))
+def sampling(teacher_forcing=0.5, variability=0.5, seed=0, **further):
+    noise = Noise(torch.Generator().manual_seed(seed))
+    return Sampling(1.0, teacher_forcing, variability, noise, **further)
 
 
 @pytest.mark.parametrize("batch", [1, 3])
@@ -44,6 +56,25 @@ def test_full_teacher_forcing_steps_from_every_encoded_state(module):
     rebuilt = module.reconstruct(sequence, sampling(teacher_forcing=1.0))
     steps = (rebuilt.sequence.positions[:, 1:] - sequence.positions[:, :-1])[..., :2]
     assert torch.allclose(steps.norm(dim=-1), rebuilt.moves.norm(dim=-1), atol=1e-5)
+
+
+def test_the_given_states_are_stepped_from_and_no_others(module):
+    sequence = make_states(3).dataset.sequences()
+    rebuilt = module.reconstruct(sequence, sampling(teacher_forcing=0.0, given=4)).sequence
+    forced = module.reconstruct(sequence, sampling(teacher_forcing=1.0)).sequence
+    assert torch.equal(rebuilt.poses[:, :5], forced.poses[:, :5])
+    assert not torch.allclose(rebuilt.positions[:, 5:], forced.positions[:, 5:], atol=1e-4)
+
+
+def test_centroids_stay_unless_told_to_follow():
+    torch.manual_seed(0)
+    module = ActionModule(TURNING, 16, 16)
+    before = module.action_network.centroids.clone()
+    sequence = make_states(3).dataset.sequences()
+    module.reconstruct(sequence, sampling())
+    assert torch.equal(module.action_network.centroids, before)
+    module.reconstruct(sequence, sampling(centroid_rate=0.1))
+    assert not torch.allclose(module.action_network.centroids, before, atol=1e-4)
 
 
 def test_without_teacher_forcing_or_variability_reconstruction_is_play(module):

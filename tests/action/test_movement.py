@@ -68,9 +68,19 @@ def test_world_frame_ignores_the_camera():
     assert torch.equal(ground_axes(rotations, "world"), eye.expand(2, 2, 2))
 
 
+def test_the_object_frame_turns_with_the_heading_and_not_with_the_camera():
+    headings = torch.tensor([0.0, math.pi / 2], dtype=torch.float64)
+    axes = ground_axes(torch.stack([camera(1.0), camera(-2.0)]), "object", headings)
+    eye = torch.eye(2, dtype=torch.float64)
+    assert torch.allclose(axes[0], eye)
+    # Facing along -x, its right is +y.
+    assert torch.allclose(axes[1], torch.tensor([[0.0, -1], [1, 0]], dtype=torch.float64))
+    assert torch.equal(ground_axes(camera(1.0), "object"), eye)
+
+
 def test_an_unknown_frame_is_named_in_the_error():
-    with pytest.raises(ConfigError, match="'object'"):
-        ground_axes(camera(), "object")
+    with pytest.raises(ConfigError, match="'ball'"):
+        ground_axes(camera(), "ball")
 
 
 def test_moving_by_the_measured_movements_gives_the_positions_back():

@@ -9,6 +9,8 @@ from pe_runtime.training.action_losses import (
     code_loss,
     discriminator_loss,
     generator_loss,
+    heading_loss,
+    joint_probabilities,
     mutual_information,
     position_loss,
     soft_delta_mse,
@@ -25,6 +27,10 @@ def probabilities(samples, actions, seed, sharpness=1.0):
 def vectors(*shape, seed=0):
     generator = torch.Generator().manual_seed(seed)
     return torch.randn(*shape, generator=generator, dtype=torch.float64)
+
+
+def shared(p, q):
+    return mutual_information(joint_probabilities(p, q))
 
 
 def slow_mutual_information(p, q):
@@ -44,19 +50,19 @@ def slow_mutual_information(p, q):
     return total
 
 
-def slow_soft_delta_mse(p, moves):
+def slow_soft_delta_mse(p, moves, slack=0.0):
     samples, actions = p.shape
     total = 0.0
     for k in range(actions):
         mass = sum(p[j, k].item() for j in range(samples))
         if mass == 0.0:
             continue
-        centre = sum(p[j, k].item() * moves[j] for j in range(samples)) / mass
+        centre = sum(p[j, k].item() * moves[j] for j in range(samples)) / (mass + slack)
         for j in range(samples):
             total += p[j, k].item() * ((moves[j] - centre) ** 2).sum().item()
     mean = sum(moves[j] for j in range(samples)) / samples
     variance = sum(((moves[j] - mean) ** 2).sum().item() for j in range(samples)) / samples
-    return total / samples / variance
+    return total / samples / (variance + moves.shape[1] * slack)
 
 
 def slow_divergence(mean, log_variance):
@@ -71,14 +77,15 @@ def slow_divergence(mean, log_variance):
 @pytest.mark.parametrize("sharpness", [0.1, 1.0, 30.0])
 def test_mutual_information_agrees_with_its_slow_twin(seed, sharpness):
     p, q = probabilities(9, 4, seed, sharpness), probabilities(9, 4, seed + 50, sharpness)
-    assert math.isclose(mutual_information(p, q), slow_mutual_information(p, q), abs_tol=1e-9)
+    assert math.isclose(shared(p, q), slow_mutual_information(p, q), abs_tol=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_soft_delta_mse_agrees_with_its_slow_twin(seed):
+@pytest.mark.parametrize("slack", [0.0, 0.3])
+def test_soft_delta_mse_agrees_with_its_slow_twin(seed, slack):
     p, moves = probabilities(9, 4, seed, 3.0), vectors(9, 2, seed=seed)
-    expected = slow_soft_delta_mse(p, moves)
-    assert math.isclose(soft_delta_mse(p, moves), expected, rel_tol=1e-9)
+    expected = slow_soft_delta_mse(p, moves, slack)
+    assert math.isclose(soft_delta_mse(p, moves, slack), expected, rel_tol=1e-9)
 
 
 def test_divergence_agrees_with_its_slow_twin():
@@ -93,17 +100,17 @@ def test_a_standard_normal_has_no_divergence():
 
 def test_equal_and_frequent_actions_share_the_logarithm_of_their_number():
     actions = torch.eye(4, dtype=torch.float64).repeat(3, 1)
-    assert math.isclose(mutual_information(actions, actions), math.log(4), rel_tol=1e-9)
+    assert math.isclose(shared(actions, actions), math.log(4), rel_tol=1e-9)
 
 
 def test_a_constant_action_shares_nothing():
     actions = torch.eye(4, dtype=torch.float64)[[1, 1, 1]]
-    assert math.isclose(mutual_information(actions, actions), 0.0, abs_tol=1e-9)
+    assert math.isclose(shared(actions, actions), 0.0, abs_tol=1e-9)
 
 
 def test_mutual_information_is_symmetric():
     p, q = probabilities(9, 4, 0, 4.0), probabilities(9, 4, 1, 4.0)
-    assert math.isclose(mutual_information(p, q), mutual_information(q, p), rel_tol=1e-12)
+    assert math.isclose(shared(p, q), shared(q, p), rel_tol=1e-12)
 
 
 @pytest.mark.parametrize("rows", [[0, 1, 2], [0, 0, 0], [2]])
@@ -111,10 +118,28 @@ def test_one_hot_and_zero_probabilities_have_finite_values_and_gradients(rows):
     p = torch.eye(4)[rows].requires_grad_(True)
     q = torch.eye(4)[rows[::-1]].requires_grad_(True)
     moves = torch.randn(len(rows), 2, generator=torch.Generator().manual_seed(0))
-    value = mutual_information(p, q) + soft_delta_mse(p, moves)
+    value = shared(p, q) + soft_delta_mse(p, moves)
     value.backward()
     assert torch.isfinite(value)
     assert torch.isfinite(p.grad).all() and torch.isfinite(q.grad).all()
+
+
+def test_a_running_joint_remembers_without_a_gradient():
+    p, q = probabilities(9, 4, 0).requires_grad_(True), probabilities(9, 4, 1)
+    running = torch.full((4, 4), 1 / 16, dtype=torch.float64, requires_grad=True)
+    joint = joint_probabilities(p, q, running, 0.8)
+    assert torch.allclose(joint, 0.8 / 16 + 0.2 * joint_probabilities(p, q))
+    assert math.isclose(joint.sum().item(), 1.0, rel_tol=1e-9)
+    mutual_information(joint).backward()
+    assert p.grad.any() and running.grad is None
+
+
+def test_headings_differ_by_their_sines_and_cosines_after_the_first():
+    encoded = torch.tensor([[0.0, 0.5, 1.0]], dtype=torch.float64)
+    assert math.isclose(heading_loss(encoded + math.tau, encoded), 0.0, abs_tol=1e-20)
+    opposite = encoded + torch.tensor([[3.0, math.pi, math.pi]])
+    # Opposite directions are 2 apart, so their two coordinates differ by 4 / 2 in the mean.
+    assert math.isclose(heading_loss(opposite, encoded), 2.0, rel_tol=1e-6)
 
 
 def test_movements_that_are_all_equal_cost_nothing():
@@ -135,7 +160,7 @@ def test_actions_that_say_all_about_movement_cost_nothing_and_one_action_costs_a
 
 def test_no_samples_give_zero():
     nothing = torch.zeros(0, 3)
-    assert mutual_information(nothing, nothing) == 0.0
+    assert shared(nothing, nothing) == 0.0
     assert soft_delta_mse(nothing, torch.zeros(0, 2)) == 0.0
     assert variability_divergence(torch.zeros(2, 0, 3), torch.zeros(2, 0, 3)) == 0.0
 

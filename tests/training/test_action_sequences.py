@@ -46,8 +46,9 @@ def test_a_sequence_with_a_jump_is_left_out(data):
     assert torch.equal(kept.true_actions, data.true_actions[[0, 1, 3, 4]])
 
 
-@pytest.mark.parametrize("name", ["positions", "styles", "poses", "world_from_camera"])
+@pytest.mark.parametrize("name", ["positions", "styles", "poses", "world_from_camera", "headings"])
 def test_nan_in_the_states_is_refused_by_name(data, name):
+    data = dataclasses.replace(data, headings=torch.zeros(5, 8))
     values = getattr(data, name).clone()
     values.view(-1)[3] = torch.nan
     with pytest.raises(EpisodeError, match=name):
@@ -66,3 +67,17 @@ def test_joining_nothing_or_what_does_not_fit_is_an_error(data):
         join([])
     with pytest.raises(EpisodeError, match="agree"):
         join([data, make_states(3, steps=9).dataset])
+
+
+def test_headings_go_where_their_sequences_go(data):
+    headings = torch.arange(40.0).reshape(5, 8)
+    turned = dataclasses.replace(data, headings=headings)
+    assert torch.equal(turned.sequences().headings, headings)
+    assert torch.equal(turned.first(2).headings, headings[:2])
+    assert torch.equal(join([turned, turned]).headings, torch.cat([headings, headings]))
+    window = turned.sample(torch.Generator().manual_seed(0), 20, 3)
+    for positions, angles in zip(window.positions, window.headings, strict=True):
+        start = int(angles[0])
+        assert torch.equal(angles, torch.arange(start, start + 3.0))
+        assert torch.equal(positions, data.positions[start // 8, start % 8 : start % 8 + 3])
+    assert data.sample(torch.Generator(), 4, 3).headings is None
