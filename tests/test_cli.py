@@ -7,33 +7,15 @@ import sys
 import zipfile
 from pathlib import Path
 
-import cv2
 import pytest
 import tiny_model
+from command_line import result, run
 
-from pe_runtime.cli import main
 from pe_runtime.cli.terminal import parse_frames, parse_size
 from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.shot import ObjectTrack, Shot, Start
-from pe_runtime.images import read_image
-from pe_runtime.shots.action_text import keys_of, parse_actions, steps_of
 
 ROOT = Path(__file__).parents[1]
-NAMES = {"player_1": ("idle", "left", "raise_arm"), "player_2": ("idle",)}
-
-
-def run(capsys, *arguments):
-    """Exit code, stdout and stderr of one command."""
-    with pytest.raises(SystemExit) as stop:
-        main([str(each) for each in arguments])
-    said = capsys.readouterr()
-    return stop.value.code or 0, said.out, said.err
-
-
-def result(capsys, *arguments):
-    code, out, err = run(capsys, *arguments, "--json")
-    assert (code, err) == (0, "")
-    return json.loads(out)
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +51,7 @@ def test_help_lists_every_command_of_the_design(capsys):
 
 def test_wrong_usage_exits_with_two_and_says_what_is_missing(capsys):
     for arguments, named in [
-        (("play",), "start"),
+        (("render",), "shot"),
         (("nonsense",), "nonsense"),
         (("dataset", "record", "-o", "x", "--sequences", "0"), "sequences"),
         (("dataset", "record", "-o", "x", "--sequences", "1", "--size", "big"), "256x144"),
@@ -121,38 +103,6 @@ def test_encode_refuses_malformed_files_by_name(capsys, model, clip, tmp_path, n
     assert not (tmp_path / "s.json").exists()
 
 
-def test_play_writes_frames_paths_and_a_video(capsys, model, clip, tmp_path):
-    actions = "player_1=left*2,right;player_2=idle*3"
-    options = ("--start", clip, "--out", tmp_path, "--model", model, "--fps", "10", "--mp4")
-    found = result(capsys, "play", "--actions", actions, *options)
-    assert found["written"] == [1, 2, 3, 4, 5, 6, 7]
-    assert len(found["paths"]["player_1"]) == 7
-    assert read_image(tmp_path / "0007.png").shape == (16, 32, 3)
-    video = cv2.VideoCapture(found["video"])
-    assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 7
-    assert result(capsys, "play", "--actions", actions, *options)["kept"] == found["written"]
-
-
-def test_play_starts_from_a_state_file_as_from_its_clip(capsys, model, clip, encoded, tmp_path):
-    for name, start in (("clip", clip), ("state", encoded[0])):
-        options = ("--start", start, "--out", tmp_path / name, "--model", model)
-        run(capsys, "play", "--actions", "player_1=left", *options)
-    one, other = (read_image(tmp_path / name / "0002.png") for name in ("clip", "state"))
-    assert (one == other).all()
-
-
-def test_what_play_wrote_as_a_shot_renders_to_the_same_bytes(capsys, model, clip, tmp_path):
-    options = ("--start", clip, "--out", tmp_path / "a", "--model", model)
-    run(capsys, "play", "--actions", "player_1=left*3", *options)
-    code, out, _ = run(
-        capsys, "render", tmp_path / "a" / "shot.json", "-o", tmp_path / "b", "--frames", "2-3"
-    )
-    assert (code, "2 frames drawn" in out) == (0, True)
-    assert sorted(path.name for path in (tmp_path / "b").iterdir()) == ["0002.png", "0003.png"]
-    for name in ("0002.png", "0003.png"):
-        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
-
-
 def test_render_draws_passes_again_when_told_not_to_resume(capsys, model, clip, tmp_path):
     start = Start("00000/frames/0/0000.png", tiny_model.camera(), tiny_model.boxes())
     shot = Shot(
@@ -172,43 +122,6 @@ def test_render_draws_passes_again_when_told_not_to_resume(capsys, model, clip, 
     assert (tmp_path / "0010.exr").is_file()
     assert result(capsys, "render", file, "-o", tmp_path)["kept"] == [10, 11]
     assert result(capsys, "render", file, "-o", tmp_path, "--no-resume")["kept"] == []
-
-
-@pytest.mark.parametrize(
-    ("actions", "named"),
-    [
-        ("player_1=lift", "did you mean 'left'"),
-        ("player_9=left", "did you mean 'player_"),
-        ("player_1", "expected"),
-        ("", "expected"),
-        ("player_1=left*0", "1 step or more"),
-    ],
-)
-def test_play_refuses_actions_it_cannot_read(capsys, model, clip, tmp_path, actions, named):
-    options = ("--start", clip, "--out", tmp_path / "x", "--model", model)
-    code, _, err = run(capsys, "play", "--actions", actions, *options)
-    assert code == 1
-    assert named in err
-    assert not (tmp_path / "x").exists()
-
-
-def test_play_refuses_a_start_that_is_neither_clip_nor_state(capsys, model, tmp_path):
-    (tmp_path / "s.json").write_text("{}")
-    for start in (tmp_path / "s.json", tmp_path / "nothing", tmp_path):
-        options = ("--start", start, "--out", tmp_path / "x", "--model", model)
-        code, _, err = run(capsys, "play", "--actions", "player_1=left", *options)
-        assert code == 1
-        assert str(start) in err
-
-
-def test_actions_are_read_into_runs_and_keys_at_the_frames_of_their_steps():
-    runs = parse_actions(" player_1 = left*2 , raise_arm ; player_2=idle*5 ", NAMES)
-    assert runs == {"player_1": [(1, 2), (2, 1)], "player_2": [(0, 5)]}
-    assert steps_of(runs) == 5
-    # At 12 frames and 5 steps a second step 2 is taken at frame 1 + 4.8: the key stands at 5.
-    assert keys_of(runs["player_1"], 1, 12 / 5) == ((1, 1), (5, 2))
-    with pytest.raises(ShotError, match="once"):
-        parse_actions("player_1=left;player_1=idle", NAMES)
 
 
 def test_frames_and_sizes_are_read_from_text():

@@ -25,7 +25,7 @@ LAYERS = (
     ("admission", "environment"),
     ("shots", "mesh"),
     ("training", "evaluation", "interop", "footage", "recording", "cluster"),
-    ("benchmark", "worker", "demo"),
+    ("benchmark", "worker", "demo", "play"),
     ("cli",),
 )
 HEAVY = {"torch", "bpy", "cv2", "scipy", "trimesh", "OpenImageIO", "rich", "typer", "matplotlib"}

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import typer
 
-from pe_runtime.cli import datasets, doors, extension, pictures, training
+from pe_runtime.cli import datasets, doors, extension, interop, pictures, playing, training
 from pe_runtime.cli.terminal import complain, shared
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
@@ -21,11 +21,12 @@ def build_app() -> typer.Typer:
     app.command()(shared(doors.demo))
     app.command()(shared(pictures.info))
     app.command()(shared(pictures.encode))
-    app.command()(shared(pictures.play))
+    app.command()(shared(playing.play))
     app.command()(shared(pictures.render))
     app.add_typer(datasets.app, name="dataset")
     app.add_typer(training.app, name="train")
     app.command()(shared(training.evaluate))
+    app.command()(shared(interop.import_official))
     app.add_typer(extension.app, name="extension")
     app.command()(doors.worker)
     return app
