@@ -1,4 +1,5 @@
 import json
+import math
 
 import pytest
 import torch
@@ -17,6 +18,7 @@ from pe_runtime.state import (
     show,
     state_as_dict,
     state_from_dict,
+    turn,
 )
 
 floats = st.floats(width=32, allow_nan=False, allow_infinity=False)
@@ -180,3 +182,35 @@ def test_visibility_must_be_true_or_false():
     next(iter(document["objects"].values()))["visible"] = "no"
     with pytest.raises(ConfigError, match="true or false"):
         state_from_dict(document)
+
+
+def test_a_heading_is_turned_stored_and_read_back():
+    turned = turn(plain(), "one", 2.5)
+    assert turned["one"].heading == 2.5
+    assert turned["two"].heading == plain()["two"].heading == 0.0
+    stored = json.loads(json.dumps(state_as_dict(turned)))
+    assert state_from_dict(stored)["one"].heading == 2.5
+
+
+def test_a_state_from_before_there_were_headings_has_none():
+    stored = state_as_dict(turn(plain(), "one", 2.5))
+    for each in stored["objects"].values():
+        del each["heading"]
+    assert {each.heading for each in state_from_dict(stored).objects.values()} == {0.0}
+
+
+@pytest.mark.parametrize("heading", ["north", True, None, math.inf, math.nan])
+def test_a_heading_that_is_no_angle_is_refused_by_name(heading):
+    stored = state_as_dict(plain())
+    stored["objects"]["one"]["heading"] = heading
+    with pytest.raises(ConfigError, match="heading of 'one'"):
+        state_from_dict(stored)
+
+
+@given(st.floats(-20, 20), st.floats(-20, 20), st.floats(0.001, 0.999))
+def test_headings_blend_the_shorter_way_round(first, second, weight):
+    a, b = turn(plain(), "one", first), turn(plain(), "one", second)
+    way = math.remainder(blend(a, b, weight)["one"].heading - first, math.tau)
+    assert abs(way) <= math.pi * weight + 1e-9
+    assert blend(a, b, 1.0)["one"].heading == second
+    assert blend(a, b, 0.0)["one"].heading == first

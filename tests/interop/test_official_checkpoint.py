@@ -2,6 +2,9 @@
 
 import os
 import pickle
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -62,7 +65,10 @@ def broadcast_camera(world):
 
 BOXES = {
     "tennis": {"player_1": (170.0, 150.0, 210.0, 240.0), "player_2": (285.0, 60.0, 300.0, 95.0)},
-    "minecraft": {"player_1": (200.0, 120.0, 230.0, 190.0), "player_2": (280.0, 110.0, 300.0, 160.0)},
+    "minecraft": {
+        "player_1": (200.0, 120.0, 230.0, 190.0),
+        "player_2": (280.0, 110.0, 300.0, 160.0),
+    },
 }
 
 
@@ -259,3 +265,32 @@ def test_a_configuration_or_a_missing_file_is_no_checkpoint(tmp_path):
 def test_importing_again_gives_the_same_bytes(files, models, tmp_path):
     again = import_official([files["minecraft"][1]], tmp_path / "model.safetensors")
     assert again.path.read_bytes() == models["minecraft"][0].path.read_bytes()
+
+
+MEASURED = """
+import sys
+import numpy as np
+from pe_runtime.environment import PlayableEnvironment
+from interop.test_official_checkpoint import BOXES, broadcast_camera
+
+environment, camera = PlayableEnvironment.load(sys.argv[1], "cpu"), broadcast_camera("tennis")
+picture = np.random.default_rng(0).random((288, 512, 3), np.float32)
+frame = environment.render(environment.encode(picture, camera, BOXES["tennis"]), camera)
+assert frame.rgb.shape == (288, 512, 3)
+lines = open("/proc/self/status").read().splitlines()
+print(next(line.split()[1] for line in lines if line.startswith("VmHWM")))
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/status").is_file(), reason="needs Linux's /proc")
+def test_a_whole_tennis_frame_stays_below_the_memory_it_may_have(models):
+    root = Path(__file__).parents[2]
+    done = subprocess.run(
+        [sys.executable, "-c", MEASURED, str(models["tennis"][0].path)],
+        cwd=root,
+        env=os.environ | {"PYTHONPATH": f"{root}{os.pathsep}{root / 'tests'}"},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) / 1024**2 < 0.8, "GiB resident at the peak"

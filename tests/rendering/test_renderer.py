@@ -1,4 +1,5 @@
 import copy
+import math
 from dataclasses import replace
 
 import pytest
@@ -222,6 +223,26 @@ def test_moving_camera_and_objects_together_by_a_kilometre_changes_almost_nothin
     torch.testing.assert_close(
         draw(moved, far).features[0], draw(rays, objects).features[0], atol=1e-5, rtol=1e-5
     )
+
+
+def test_a_turned_object_seen_by_a_turned_camera_looks_as_before(networks):
+    objects = scene(networks, frames=1, places=((0.0, 0.0, 0.0), (0.0, 0.0, 0.0)))[-2:-1]
+    rays, angle = rays_of([camera(0.3)]), 0.8
+    turn = torch.tensor(
+        [
+            [math.cos(angle), -math.sin(angle), 0.0],
+            [math.sin(angle), math.cos(angle), 0.0],
+            [0.0, 0.0, 1.0],
+        ]
+    ).double()
+    turned_rays = Rays(rays.centres @ turn.T, rays.directions @ turn.T, rays.frame)
+    turned = [replace(each, heading=torch.tensor([angle])) for each in objects]
+    straight, around = draw(rays, objects), draw(turned_rays, turned)
+    assert straight.weights.max() > 0.1
+    torch.testing.assert_close(around.weights, straight.weights, atol=1e-5, rtol=0)
+    torch.testing.assert_close(around.features[0], straight.features[0], atol=1e-4, rtol=0)
+    upright = [replace(each, heading=torch.zeros(1)) for each in objects]
+    torch.testing.assert_close(draw(rays, upright).weights, straight.weights, atol=1e-6, rtol=0)
 
 
 def test_fewer_samples_are_drawn_when_a_share_is_asked_for(networks):
