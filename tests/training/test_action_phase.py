@@ -177,6 +177,25 @@ def test_the_authors_design_lowers_its_loss(data):
     assert phase.evaluate()["rollout_distance"] < 10
 
 
+@pytest.mark.parametrize(
+    ("training", "soft", "given"), [(QUICK, False, 1), (AUTHORS_TRAINING, True, 4)]
+)
+def test_actions_are_drawn_as_the_training_says(data, training, soft, given):
+    phase = ActionPhase(data, SMALL, training)
+    drawn = []
+    reconstruct = phase.module.reconstruct
+
+    def watched(sequence, sampling, memory):
+        drawn.append((sampling, reconstruct(sequence, sampling, memory)))
+        return drawn[-1][1]
+
+    phase.module.reconstruct = watched
+    phase.step(0.0)
+    ((sampling, rebuilt),) = drawn
+    assert sampling.given == given
+    assert bool((rebuilt.actions.max(dim=-1).values < 0.99).any()) is soft
+
+
 def test_the_running_joint_is_kept_for_a_resumed_training(data):
     phase = ActionPhase(data, AUTHORS, AUTHORS_TRAINING)
     assert torch.allclose(phase.joint, torch.full((6, 6), 1 / 36))
