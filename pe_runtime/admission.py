@@ -34,11 +34,14 @@ def check_picture(image: np.ndarray, camera: Camera) -> None:
         )
 
 
-def check_found(codes: Mapping[str, Codes], boxes: Mapping[str, Sequence[float]]) -> None:
-    """Refuse boxes that gave no position.
+def check_found(
+    codes: Mapping[str, Codes], boxes: Mapping[str, Sequence[float]], camera: Camera
+) -> None:
+    """Refuse boxes that gave no position or no crop.
 
     Raises:
-        CameraError: A box has no area, or its foot is no point on the ground.
+        CameraError: A box has no area or lies outside the picture, or its foot is no point on the
+            ground.
     """
     for name, box in boxes.items():
         if bool(codes[name].visible[0]):
@@ -48,6 +51,12 @@ def check_found(codes: Mapping[str, Codes], boxes: Mapping[str, Sequence[float]]
             raise CameraError(
                 f"the box of {name!r} has no area: left {left:g}, top {top:g}, right {right:g}, "
                 f"bottom {bottom:g} pixels"
+            )
+        if right <= 0 or left >= camera.width or bottom <= 0 or top >= camera.height:
+            raise CameraError(
+                f"the box of {name!r} ({left:g}, {top:g}, {right:g}, {bottom:g}) lies outside the "
+                f"picture of {camera.width}x{camera.height} pixels; leave the box out if the "
+                "object is not in the picture"
             )
         raise CameraError(
             f"{name!r} has no place on the ground: the middle of its box's lower edge "

@@ -162,7 +162,7 @@ class PlayableEnvironment:
             own[0, self.playable_names.index(name)] = (box * torch.tensor(scale)).float()
         cameras = Cameras.stack([camera.scaled(width, height)], self.device)
         codes = self.networks.encode(picture.to(self.device), cameras, own.to(self.device))
-        check_found(codes, boxes)
+        check_found(codes, boxes, camera)
         return EnvironmentState({name: _state(each) for name, each in codes.items()})
 
     @torch.no_grad()

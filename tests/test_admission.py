@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
-from small_world import box_of, camera, look_at, picture_of, small_environment
+from small_world import box_of, camera, look_at, picture_of, small_config, small_environment
 
+from pe_runtime.config import EncoderConfig
 from pe_runtime.contract.errors import CameraError, ConfigError
 from pe_runtime.state import state_as_dict, state_from_dict
 
@@ -64,6 +65,14 @@ def test_a_foot_above_the_horizon_is_an_error_and_not_a_position(env):
     level = look_at((0.0, -5.0, 1.0), (0.0, 0.0, 1.0))
     with pytest.raises(CameraError, match="'player_2'.*horizon"):
         env.encode(picture(level), level, {"player_2": (5.0, 1.0, 9.0, 7.0)})
+
+
+@pytest.mark.parametrize("box", [(40.0, 8.0, 45.0, 12.0), (-9.0, 8.0, -1.0, 12.0)])
+def test_a_box_beside_the_picture_is_an_error_where_the_box_is_what_is_cut_out(box):
+    encoder = EncoderConfig(crop="box", height=16, width=16, channels=(4, 8), hidden=8)
+    env = small_environment(small_config(encoder=encoder))
+    with pytest.raises(CameraError, match="'player_1'.*outside the picture of 32x16"):
+        env.encode(picture(), VIEW, {"player_1": box})
 
 
 def test_a_player_at_the_camera_s_own_feet_is_an_error_and_not_a_position(env):

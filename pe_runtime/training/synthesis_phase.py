@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -150,10 +151,7 @@ class SynthesisPhase:
             for clip in range(min(len(self.held_out), 8)):
                 batch = self.held_out.batch(torch.full_like(times, clip), times).to(self.device)
                 codes = self.networks.encode(batch.images, batch.cameras, batch.boxes)
-                other = {
-                    n: Codes(c.position, c.style, c.pose.roll(1, 0), c.visible)
-                    for n, c in codes.items()
-                }
+                other = {n: replace(c, pose=c.pose.roll(1, 0)) for n, c in codes.items()}
                 squares = (self._draw(batch, codes) - batch.images).square().mean(dim=1)
                 swapped = (self._draw(batch, other) - batch.images).square().mean(dim=1)
                 errors["psnr"].append(squares.mean())
@@ -279,7 +277,7 @@ def _permuted(codes: Codes, frames: int) -> Codes:
     style = codes.style.unflatten(0, (-1, frames)).roll(1, dims=1).flatten(0, 1)
     seen = codes.visible.unflatten(0, (-1, frames)).roll(1, dims=1).flatten(0, 1)
     style = torch.where(seen[:, None], style, codes.style)
-    return Codes(codes.position, style, codes.pose, codes.visible)
+    return replace(codes, style=style)
 
 
 def _cut(images: Tensor, windows: Tensor, size: torch.Size) -> Tensor:

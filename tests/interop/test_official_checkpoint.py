@@ -12,7 +12,6 @@ import torch
 from interop.official_weights import (
     NEVER_RUN,
     action_shapes,
-    action_weights,
     environment_shapes,
     environment_weights,
     save_stage,
@@ -25,34 +24,6 @@ from pe_runtime.interop.conventions import camera_from_theirs
 from pe_runtime.interop.official_checkpoint import import_official
 
 WORLDS = ("tennis", "minecraft")
-
-
-@pytest.fixture(scope="module")
-def weights():
-    return {w: (environment_weights(w), action_weights(w)) for w in WORLDS}
-
-
-@pytest.fixture(scope="module")
-def files(weights, tmp_path_factory):
-    """Stage-2 and whole stage-3 checkpoints of both worlds."""
-    folder, made = tmp_path_factory.mktemp("official"), {}
-    for world, (environment, actions) in weights.items():
-        copy = {f"environment_model.{name}": tensor for name, tensor in environment.items()}
-        made[world] = (
-            save_stage(folder / f"{world}_2.pth.tar", environment),
-            save_stage(folder / f"{world}_3.pth.tar", {**copy, **actions}, step=150000),
-        )
-    return made
-
-
-@pytest.fixture(scope="module")
-def models(files, tmp_path_factory):
-    """Both worlds imported from their stage-3 files alone."""
-    folder = tmp_path_factory.mktemp("models")
-    reports = {w: import_official([files[w][1]], folder / f"{w}.safetensors") for w in WORLDS}
-    return {
-        w: (report, PlayableEnvironment.load(report.path, "cpu")) for w, report in reports.items()
-    }
 
 
 def broadcast_camera(world):
