@@ -106,6 +106,7 @@ def test_the_script_finds_learnt_names_and_their_numbered_twins():
     assert find_action(("back", "back-left"), names) == 2
     assert find_action(("raise_arm", "gesture"), names) == 3
     assert find_action(("right",), names) == 0
+    assert find_action(("right",), ("unused", "stay")) == 1
     assert find_action(("right",), ("unused",)) == 0
 
 

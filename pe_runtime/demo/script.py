@@ -28,8 +28,8 @@ def demo_runs(names: Sequence[str], action_names: Mapping[str, tuple[str, ...]])
 
 
 def find_action(wanted: Sequence[str], names: tuple[str, ...]) -> int:
-    """Index of the first wanted name that exists, also with a number behind it; else of idle."""
-    for word in (*wanted, "idle"):
+    """Index of the first wanted name that exists, also with a number; else of standing."""
+    for word in (*wanted, "idle", "stay"):
         for index, name in enumerate(names):
             if name == word or name.startswith(f"{word}-2"):
                 return index
