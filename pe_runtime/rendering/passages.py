@@ -151,10 +151,17 @@ def _as_released(
     points = _points(chord, index, depth)
     config, frame = each.field.config, rays.frame[index]
     inside = within(points, points.new_tensor(config.low), points.new_tensor(config.high))
+    inside = inside & (index < rays.frame.shape[0] - 1)[:, None]
     coordinates = each.field.coordinates(points).clamp(-1.0, 1.0)
-    hidden = each.field.trunk(coordinates, frame, each.pose)
-    density = each.field.densities(hidden, settings.density_noise)
-    length = chord.directions[index].norm(dim=-1).float()
+    # A third of the samples lies outside, where nothing needs to be evaluated.
+    row, column = torch.nonzero(inside, as_tuple=True)
+    row, column = padded(row, settings.bucket, 0), padded(column, settings.bucket, 0)
+    evaluated = each.field.trunk(coordinates[row, column][:, None], frame[row], each.pose)
+    hidden = evaluated.new_zeros(*depth.shape, evaluated.shape[-1])
+    hidden = hidden.index_put((row, column), evaluated[:, 0])
+    density = each.field.densities(evaluated, settings.density_noise)[:, 0]
+    density = torch.zeros_like(depth).index_put((row, column), density)
+    length = chord.directions[index].norm(dim=-1)
     thickness = torch.where(inside, density * length[:, None], 0.0)
     elsewhere = _depth_range(config, settings)[0]
     return Passage(index, frame, depth, coordinates, thickness, hidden, elsewhere)
