@@ -24,6 +24,7 @@ from pe_runtime.play import (
     shot_of_session,
 )
 from pe_runtime.play.commands import Command
+from pe_runtime.play.learnt_actions import LearntAction
 from pe_runtime.shots import frame_path, load_shot, prepare_shot, render_shot
 from pe_runtime.state import hide, state_as_dict
 
@@ -149,6 +150,20 @@ def test_undo_takes_back_steps_cameras_styles_and_half_told_turns(world, start):
     assert (half.pending, half.steps) == ((), 0)
 
 
+def test_the_arrows_are_those_of_whoever_acts_next_seen_from_the_camera_of_now(world, start):
+    learnt = {
+        "player_1": (LearntAction("idle"), LearntAction("go", (1.0, 0.0), "world")),
+        "player_2": (LearntAction("idle"),),
+    }
+    session = begin(set_stage(world, "small", start, learnt, Wishes()))
+    assert session.arrows() == ("", "→")
+    for _ in range(18):
+        session = obey(world, session, ORBIT)
+    # From the side of +x, what goes along +x comes towards the camera.
+    assert session.arrows() == ("", "↓")
+    assert obey(world, session, TAB).arrows() == ("",)
+
+
 def test_undo_keeps_who_is_played(world, start):
     session = played(world, start, act(LEFT), TAB, UNDO)
     assert (session.player, session.steps) == ("player_2", 0)
@@ -194,9 +209,9 @@ def test_the_camera_moves_about_the_middle_of_the_players_bodies(world, start):
 
 
 def test_the_shot_of_a_session_has_a_key_where_an_action_changes(world, start):
-    session = played(world, start, act(LEFT), act(LEFT), act(RIGHT))
+    session = played(world, start, act(LEFT), act(LEFT), act(RIGHT), quality="balanced")
     shot = shot_of_session(session)
-    assert (shot.fps, shot.frame_end) == (5.0, 4)
+    assert (shot.fps, shot.frame_end, shot.quality) == (5.0, 4, "balanced")
     assert {track.name: track.actions for track in shot.objects} == {
         "player_1": ((1, LEFT), (3, RIGHT)),
         "player_2": ((1, IDLE),),

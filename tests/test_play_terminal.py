@@ -1,5 +1,6 @@
 """Real key presses in a pseudo-terminal, and the terminal as it was afterwards."""
 
+import io
 import json
 import os
 import select
@@ -11,11 +12,24 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import small_world
 import tiny_model
 from rich.console import Console
 
 from pe_runtime.cli.keyboard import Keys, Lines, has_single_keys, single_keys
+from pe_runtime.cli.live import LiveLoop
 from pe_runtime.cli.preview import Preview, can_preview
+from pe_runtime.cli.screen import LineScreen
+from pe_runtime.contract.shot import Start
+from pe_runtime.play import (
+    LivePlay,
+    Wishes,
+    finished_frames,
+    learnt_actions,
+    set_stage,
+    shot_of_session,
+)
+from pe_runtime.state import EnvironmentState, ObjectState, state_as_dict
 
 fcntl = pytest.importorskip("fcntl", reason="needs a Unix terminal")
 pty = pytest.importorskip("pty", reason="needs a Unix terminal")
@@ -106,6 +120,41 @@ def test_a_preview_needs_a_terminal_with_colours():
     assert can_preview(Console(force_terminal=True, color_system="truecolor"))
     assert not can_preview(Console(force_terminal=True, color_system="standard"))
     assert not can_preview(Console(force_terminal=False, color_system="truecolor"))
+
+
+class Counted(LineScreen):
+    """A screen that remembers at which step it was shown a picture."""
+
+    def __init__(self):
+        super().__init__(Console(file=io.StringIO()), preview=False, interactive=False)
+        self.steps = []
+
+    def show(self, drawn):
+        self.steps.append(drawn.session.steps)
+
+
+def test_of_camera_keys_that_wait_only_the_last_is_drawn_but_every_step_is(tmp_path):
+    world = small_world.small_environment()
+    state = EnvironmentState(
+        {
+            name: ObjectState(codes.position[0], codes.style[0], codes.pose[0])
+            for name, codes in small_world.random_codes(world.config).items()
+        }
+    )
+    (tmp_path / "state.json").write_text(json.dumps(state_as_dict(state)))
+    start = Start(state=str(tmp_path / "state.json")), small_world.camera()
+    stage = set_stage(world, "small", start, learnt_actions(world), Wishes())
+    live, screen = LivePlay(world, stage, tmp_path), Counted()
+    pressed, sent = os.pipe()
+    os.write(sent, b"ddd22dd")
+    os.close(sent)
+    LiveLoop(live, mp4=False).follow(Keys(pressed), screen, forgiving=False)
+    os.close(pressed)
+    # A pipe that was closed is ready to be read, so even the last camera key looks followed.
+    assert screen.steps == [0, 1, 2]
+    assert [moment.move.orbit for moment in live.session.moments] == [15.0, 15.0, 25.0]
+    assert live.abandon().frames == (2,)
+    assert live.save().frames == finished_frames(world, shot_of_session(live.session), live.folder)
 
 
 class Played:

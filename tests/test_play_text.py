@@ -1,5 +1,7 @@
 """What is typed and pressed while playing, and what a model says of its actions."""
 
+import math
+
 import pytest
 import small_world
 import torch
@@ -14,7 +16,7 @@ from pe_runtime.play.commands import (
     commands_of_word,
     words_of_line,
 )
-from pe_runtime.play.learnt_actions import LearntAction, arrow_of, resting_action
+from pe_runtime.play.learnt_actions import LearntAction, resting_action
 from pe_runtime.play.session import CHANGES
 from pe_runtime.shots.action_text import keys_of, parse_actions, steps_of
 from pe_runtime.state import EnvironmentState, ObjectState, move
@@ -137,25 +139,31 @@ def test_a_style_that_cannot_be_read_says_what_there_is(text, named):
         ((0.0, 0.3), "↑"),
         ((-0.2, 0.2), "↖"),
         ((0.0, -0.3), "↓"),
-        ((0.0, 0.1), ""),
+        ((0.0, 0.0), ""),
     ],
 )
-def test_arrows_point_where_actions_lead_and_standing_has_none(movement, arrow):
-    assert arrow_of(movement, fastest=0.3) == arrow
+def test_arrows_point_where_actions_lead_in_the_picture(movement, arrow):
+    view = small_world.camera(azimuth=1.1)
+    assert LearntAction("walk", movement).arrow(view, heading=0.7) == arrow
 
 
-def test_a_model_that_moves_nothing_at_all_has_no_arrows():
-    assert arrow_of((0.0, 0.0), fastest=0.0) == ""
+def test_arrows_of_other_frames_turn_with_the_camera_and_the_player():
+    front, side = small_world.camera(azimuth=0.0), small_world.camera(azimuth=math.pi / 2)
+    along_x = LearntAction("walk", (1.0, 0.0), "world")
+    # From the side of +x the camera looks along -x: what goes along +x comes towards it.
+    assert [along_x.arrow(view, 0.0) for view in (front, side)] == ["→", "↓"]
+    ahead = LearntAction("walk", (0.0, 1.0), "object")
+    assert [ahead.arrow(front, heading) for heading in (0.0, math.pi / 2)] == ["↑", "←"]
 
 
 def test_learnt_actions_have_the_names_and_arrows_of_the_models_file():
     world = small_world.small_environment()
-    moves = [(0.0, 0.01), (-0.3, 0.0), (0.3, 0.0)]
+    moves = [(0.0, 0.1), (-0.3, 0.0), (0.3, 0.0)]
     world.header = world.header | {"actions": {"player": [{"movement": each} for each in moves]}}
-    wanted = (LearntAction("idle"), LearntAction("left", "←"), LearntAction("right", "→"))
+    wanted = tuple(map(LearntAction, ("idle", "left", "right"), ((0.0, 0.0), *moves[1:])))
     assert learnt_actions(world) == {"player_1": wanted, "player_2": wanted}
     del world.header["actions"]
-    assert [each.arrow for each in learnt_actions(world)["player_1"]] == ["", "", ""]
+    assert {each.movement for each in learnt_actions(world)["player_1"]} == {(0.0, 0.0)}
 
 
 def test_actions_without_names_are_numbered():
@@ -184,9 +192,10 @@ class Walks(PlayableEnvironment):
         return move(state, name, state[name].position + self.lengths[action]), None
 
 
-def test_rest_is_idle_by_name_else_the_action_that_goes_the_least_far():
+def test_rest_is_known_by_name_else_the_action_that_goes_the_least_far():
     place = ObjectState(torch.zeros(3), torch.zeros(5), torch.zeros(3))
     state, view = EnvironmentState({"player_1": place}), small_world.camera()
     world = Walks(0.5, -0.1, 0.3)
     assert resting_action(world, state, view, "player_1", ("a", "b", "c")) == 1
     assert resting_action(world, state, view, "player_1", ("a", "b", "idle")) == 2
+    assert resting_action(world, state, view, "player_1", ("stay", "b", "c")) == 0

@@ -152,8 +152,10 @@ def legend(session: Session, width: int) -> Table:
     stage, columns = session.stage, max(1, width // COLUMN)
     table = Table.grid(padding=(0, 2))
     actions = [
-        (str(number), f"{each.name} {each.arrow}")
-        for number, each in enumerate(stage.actions[session.player], start=1)
+        (str(number), f"{name} {arrow}")
+        for number, (name, arrow) in enumerate(
+            zip(stage.names(session.player), session.arrows(), strict=True), start=1
+        )
     ]
     others = [(each.keys[0], each.says) for each in KEYS]
     if len(stage.players) == 1:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import torch
 
 from pe_runtime.action.description import SECTORS, STILL
+from pe_runtime.action.movement import ground_axes
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import CheckpointError
 from pe_runtime.environment import PlayableEnvironment
@@ -15,17 +16,41 @@ from pe_runtime.state import EnvironmentState
 
 ARROWS = dict(zip(SECTORS, "→↗↑↖←↙↓↘", strict=True))
 """Directions as signs, with forward pointing up."""
+RESTS = ("idle", "stay")
+"""Names of actions that are rest, as recorders and descriptions give them."""
 PROBED_STEPS = 3
 """Steps for which actions without a telling name are tried out to find the quietest."""
 
 
 @dataclass(frozen=True)
 class LearntAction:
-    """One action as the keys show it."""
+    """One action as the keys show it.
+
+    Attributes:
+        name: What it is called.
+        movement: Mean (right, forward) metres of one step; zeros for standing, or where the model's
+            file does not say.
+        frame: Whose right and forward: "camera", "object" or "world".
+    """
 
     name: str
-    arrow: str = ""
-    """Where it leads; empty for standing, or where the model's file does not say."""
+    movement: tuple[float, float] = (0.0, 0.0)
+    frame: str = "camera"
+
+    def arrow(self, camera: Camera, heading: float) -> str:
+        """Where it leads in the picture, with up for away from the camera; empty for nowhere.
+
+        Args:
+            camera: Who looks.
+            heading: Of the player, radians about world z.
+        """
+        if self.movement == (0.0, 0.0):
+            return ""
+        looks = torch.tensor(camera.world_from_camera[:3, :3])
+        meant = ground_axes(looks, self.frame, torch.tensor(heading, dtype=looks.dtype))
+        along = meant @ torch.tensor(self.movement, dtype=looks.dtype)
+        right, forward = (ground_axes(looks).T @ along).tolist()
+        return ARROWS[SECTORS[round(math.atan2(forward, right) / (math.pi / 4)) % 8]]
 
 
 Learnt = Mapping[str, tuple[LearntAction, ...]]
@@ -51,11 +76,7 @@ def learnt_actions(environment: PlayableEnvironment) -> dict[str, tuple[LearntAc
                 "them with `pe train actions --checkpoint MODEL --config C.toml --data DATA`, or "
                 "play another model"
             )
-    return {
-        name: _of_class(environment, classes[name], name)
-        for name in classes
-        if name in environment.playable_names
-    }
+    return {n: _of_class(environment, classes[n], n) for n in environment.playable_names}
 
 
 def _of_class(
@@ -68,28 +89,17 @@ def _of_class(
     if len(moves) != len(names):
         moves = [(0.0, 0.0)] * len(names)
     fastest = max(math.hypot(*move) for move in moves)
+    frame = environment.config.action.movement_frame
     return tuple(
-        LearntAction(each, arrow_of(move, fastest)) for each, move in zip(names, moves, strict=True)
+        LearntAction(each, move if math.hypot(*move) > STILL * fastest else (0.0, 0.0), frame)
+        for each, move in zip(names, moves, strict=True)
     )
-
-
-def arrow_of(movement: tuple[float, float], fastest: float) -> str:
-    """The sign of a mean (right, forward) movement; empty for one that counts as standing.
-
-    Args:
-        movement: Metres in one step.
-        fastest: Metres that the fastest action of the class makes.
-    """
-    right, forward = movement
-    if math.hypot(right, forward) <= STILL * fastest:
-        return ""
-    return ARROWS[SECTORS[round(math.atan2(forward, right) / (math.pi / 4)) % 8]]
 
 
 def resting_action(
     world: World, state: EnvironmentState, camera: Camera, name: str, actions: tuple[str, ...]
 ) -> int:
-    """The action of an object that nobody plays: idle by name, else the one that moves it least.
+    """The action of an object that nobody plays: rest by name, else the one that moves it least.
 
     Args:
         world: The loaded environment.
@@ -98,8 +108,9 @@ def resting_action(
         name: The object.
         actions: Names of its actions.
     """
-    if "idle" in actions:
-        return actions.index("idle")
+    for word in RESTS:
+        if word in actions:
+            return actions.index(word)
     away = [_distance(world, state, camera, {name: action}) for action in range(len(actions))]
     return away.index(min(away))
 

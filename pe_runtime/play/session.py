@@ -82,6 +82,13 @@ class Session:
         """Steps taken."""
         return len(self.moments) - 1
 
+    def arrows(self) -> tuple[str, ...]:
+        """Where the actions of the next one to act lead in the picture; empty for nowhere."""
+        stage, now = self.stage, self.now
+        camera = moved_camera(stage.camera, stage.pivot, now.move)
+        heading = now.state[self.player].heading
+        return tuple(each.arrow(camera, heading) for each in stage.actions[self.player])
+
 
 def begin(stage: Stage, playing: int = 0) -> Session:
     """A new take."""
