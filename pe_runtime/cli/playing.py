@@ -137,7 +137,7 @@ def _start(begin: StartOptions, model: str) -> tuple[Start, Camera]:
         raise ShotError("start from --start or from --image with --camera and --boxes, not both")
     if missing:
         raise ShotError(
-            f"a picture starts with --image, --camera and --boxes; {' and '.join(missing)} is "
+            f"to start from a picture give --image, --camera and --boxes too; {', '.join(missing)} "
             'missing. Camera: JSON with "width", "height", "intrinsics", "world_from_camera"; '
             'boxes: JSON such as {"player_1": [left, top, right, bottom]} in pixels. Without any '
             "of them the model's sample clip is played"
