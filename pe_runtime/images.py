@@ -21,21 +21,43 @@ class ImageError(PlayableEnvironmentError):
     """A picture is missing, unreadable, not finite, or cannot be written."""
 
 
-def read_image(path: str | Path) -> np.ndarray:
+def read_image(path: str | Path, background: float | None = None) -> np.ndarray:
     """Read a picture as (height, width, 3) float32 in [0, 1], sRGB.
 
     8- and 16-bit files are taken as sRGB; float files (EXR) as scene-linear, and encoded. Grey
-    becomes colour, alpha is dropped, values of float files outside [0, 1] are clipped.
+    becomes colour, values of float files outside [0, 1] are clipped.
+
+    Args:
+        path: The file.
+        background: Grey that shows where an 8- or 16-bit picture is transparent; without it alpha
+            is dropped.
 
     Raises:
         ImageError: The file is missing, damaged, or holds NaN or infinity.
     """
     pixels, spec = _read(path)
     colours = _colour_channels(pixels, spec, path)
-    if np.issubdtype(pixels.dtype, np.integer):
-        return colours.astype(np.float32) / np.float32(np.iinfo(pixels.dtype).max)
-    check_finite(colours, str(path))
-    return srgb_from_linear(np.clip(colours, 0.0, 1.0).astype(np.float32))
+    if not np.issubdtype(pixels.dtype, np.integer):
+        check_finite(colours, str(path))
+        return srgb_from_linear(np.clip(colours, 0.0, 1.0).astype(np.float32))
+    white = np.float32(np.iinfo(pixels.dtype).max)
+    colours = colours.astype(np.float32) / white
+    if background is None or spec.alpha_channel < 0:
+        return colours
+    cover = pixels[..., spec.alpha_channel, None].astype(np.float32) / white
+    return colours * cover + np.float32(background) * (1 - cover)
+
+
+def is_rgb_png(path: str | Path, size: tuple[int, int]) -> bool:
+    """Whether a file is what `write_png` writes of a picture: 8-bit RGB, (width, height) pixels."""
+    source = oiio.ImageInput.open(str(path))
+    if source is None:
+        oiio.geterror()  # An unread message would be reported as leaked at exit.
+        return False
+    spec, kind = source.spec(), source.format_name()
+    source.close()
+    channels = (spec.nchannels, spec.alpha_channel, spec.format.basetype)
+    return kind == "png" and channels == (3, -1, oiio.UINT8) and (spec.width, spec.height) == size
 
 
 def read_metadata(path: str | Path) -> dict[str, str]:
