@@ -1,13 +1,14 @@
 """The baked shot: what the worker predicted paths for, kept in the .blend and filmed later.
 
-A frame is rendered from the baked shot, changed only where the artist has since moved the camera
-or an Empty, or shown or hidden one, at that frame. Other changes ask for another bake.
+A frame is rendered from the baked shot, changed only where the artist has since moved the camera,
+or moved, turned, shown or hidden an Empty, at that frame. Other changes ask for another bake.
 """
 
 import dataclasses
 import json
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -22,6 +23,7 @@ FORMAT = 1
 BAKE_AGAIN = "press Bake Paths again"
 # Locations pass through float32 F-curves and the root's matrix: below this nobody has moved it.
 MOVED_METRES = 1e-4
+TURNED_RADIANS = 1e-4
 CAMERA_TOLERANCE = 1e-6
 
 
@@ -32,19 +34,23 @@ class Bake:
     Attributes:
         shot: As it was sent to the worker, without location overrides.
         paths: Per object (frames, 3) float64 positions in environment space, metres.
+        headings: Per object (frames,) float64 radians about z; only where the model predicts them.
     """
 
     shot: Shot
     paths: Mapping[str, np.ndarray]
+    headings: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     def to_json(self) -> str:
         """The bake as the text of a Blender text block."""
         paths = {name: np.asarray(path).tolist() for name, path in self.paths.items()}
+        headings = {name: np.asarray(each).tolist() for name, each in self.headings.items()}
         content = {
             "format": FORMAT,
             "digest": self.shot.digest(),
             "shot": self.shot.as_dict(),
             "paths": paths,
+            "headings": headings,
         }
         return json.dumps(content, allow_nan=False)
 
@@ -60,12 +66,13 @@ def read_bake(text: str, where: str) -> Bake:
         content = json.loads(text)
         stored, digest = content["shot"], content["digest"]
         paths = {name: np.array(path, np.float64) for name, path in content["paths"].items()}
+        headings = {n: np.array(each, np.float64) for n, each in content["headings"].items()}
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise ShotError(f"{where!r} is no bake ({error!r}); {BAKE_AGAIN}") from error
     shot = Shot.from_dict(stored, where)
     if shot.digest() != digest:
         raise ShotError(f"{where!r} was edited since it was baked; {BAKE_AGAIN}")
-    return Bake(shot, paths)
+    return Bake(shot, paths, headings)
 
 
 def bake_of(settings: object) -> Bake:
@@ -146,14 +153,37 @@ def _track(
     track: ObjectTrack, bake: Bake, now: TrackMoment, frame: int, camera_moved: bool
 ) -> ObjectTrack:
     index = frame - bake.shot.frame_start
-    path = bake.paths[track.name]
-    changes = {}
-    # A moved camera would make the model predict another path, so the baked one is spelt out.
-    if camera_moved or np.abs(path[index] - now.location).max() > MOVED_METRES:
-        points = [tuple(float(x) for x in point) for point in path]
-        points[index] = now.location
-        changes["locations"] = tuple(points)
-    visible = track.visible or (True,) * len(path)
+    visible = track.visible or (True,) * len(bake.shot.frames)
     if visible[index] != now.visible:
-        changes["visible"] = (*visible[:index], now.visible, *visible[index + 1 :])
-    return dataclasses.replace(track, **changes)
+        visible = (*visible[:index], now.visible, *visible[index + 1 :])
+        track = dataclasses.replace(track, visible=visible)
+    # A moved camera would make the model predict another path, so the baked one is spelt out.
+    return dataclasses.replace(
+        track,
+        locations=_locations(bake.paths[track.name], now, index, camera_moved),
+        headings=_headings(bake, track.name, now, index, camera_moved),
+    )
+
+
+def _locations(
+    path: np.ndarray, now: TrackMoment, index: int, spelt_out: bool
+) -> tuple[tuple[float, float, float], ...] | None:
+    if not spelt_out and np.abs(path[index] - now.location).max() <= MOVED_METRES:
+        return None
+    points = [tuple(float(x) for x in point) for point in path]
+    points[index] = now.location
+    return tuple(points)
+
+
+def _headings(
+    bake: Bake, name: str, now: TrackMoment, index: int, spelt_out: bool
+) -> tuple[float, ...] | None:
+    # Objects without a predicted heading keep the axes of the environment until they are turned.
+    baked = bake.headings.get(name, np.zeros(len(bake.shot.frames)))
+    turned = abs(math.remainder(now.heading - baked[index], math.tau)) > TURNED_RADIANS
+    if not turned and not (spelt_out and name in bake.headings):
+        return None
+    headings = [float(heading) for heading in baked]
+    if turned:
+        headings[index] = now.heading
+    return tuple(headings)

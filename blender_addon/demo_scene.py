@@ -28,7 +28,7 @@ from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 from . import playables
 from .bake import bake_of
 from .range_render import job_for
-from .scene_bridge import look_through, playable_objects
+from .scene_bridge import action_names, look_through, playable_objects
 from .sequencer import write_video
 from .session import session
 
@@ -167,7 +167,7 @@ def _key_actions(scene: bpy.types.Scene, actions: Mapping[str, Sequence[tuple[in
     for name, keys in actions.items():
         if name not in objects:
             raise ShotError(f"spec: actions: no {name!r} in the picture, only {list(objects)}")
-        known = playables.action_names(objects[name])
+        known = action_names(objects[name])
         for frame, action in keys:
             if action not in known:
                 raise ShotError(

@@ -2,17 +2,16 @@
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
 from bpy.props import EnumProperty, StringProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
-from pe_runtime.contract.messages import ModelFacts
+from pe_runtime.contract.model_facts import ModelFacts
 
 from . import playables
-from .background import BackgroundCall, Work
+from .keyed_paths import write_bake
 from .pictures import read_picture
 from .playables import Picture
 from .range_render import (
@@ -22,71 +21,27 @@ from .range_render import (
     lent_settings,
     show_in_sequencer,
 )
-from .scene_bridge import read_camera, sample_range, shot_from_moments
+from .scene_bridge import (
+    action_names,
+    read_camera,
+    sample_range,
+    shot_from_moments,
+    world_from_environment,
+)
 from .session import session
 from .settings import action_items
-from .usual_camera import add_usual_camera
-from .worker_client import WorkerCancelledError
-
-TICK_SECONDS = 0.1
-Result = set[str]
-
-
-@dataclass(frozen=True)
-class Task:
-    """An operator's job in two halves.
-
-    Attributes:
-        work: Talks to the worker; may run in a thread and touches no Blender data.
-        finish: Takes its result into Blender on the main thread and says what was done.
-    """
-
-    work: Work
-    finish: Callable[[object], str]
-
-
-class WorkerOperator:
-    """Runs a Task: blocking when executed, with progress and Esc when invoked in a window."""
-
-    def task(self, context: bpy.types.Context) -> Task:
-        """Read the context and say what there is to do."""
-        raise NotImplementedError
-
-    def execute(self, context: bpy.types.Context) -> Result:
-        try:
-            task = self.task(context)
-            result = task.work(lambda: False, lambda *_: None)
-            self.report({"INFO"}, task.finish(result))
-        except PlayableEnvironmentError as error:
-            return _failed(self, error)
-        return {"FINISHED"}
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        try:
-            self._task = self.task(context)
-        except PlayableEnvironmentError as error:
-            return _failed(self, error)
-        self._call = BackgroundCall(self._task.work)
-        _start_modal(self, context)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        if event.type == "ESC":
-            self._call.cancel()
-        if event.type != "TIMER":
-            return {"RUNNING_MODAL"}
-        _show_progress(context, f"{self.bl_label}: {self._call.stage}", self._call.progress)
-        if not self._call.done:
-            return {"RUNNING_MODAL"}
-        _end_modal(self, context)
-        try:
-            self.report({"INFO"}, self._task.finish(self._call.result()))
-        except WorkerCancelledError:
-            self.report({"WARNING"}, f"{self.bl_label} was cancelled")
-            return {"CANCELLED"}
-        except PlayableEnvironmentError as error:
-            return _failed(self, error)
-        return {"FINISHED"}
+from .usual_camera import add_camera, usual_camera
+from .volumes import farthest
+from .worker_client import PredictedPaths
+from .worker_operator import (
+    Result,
+    Task,
+    WorkerOperator,
+    end_modal,
+    failed,
+    show_progress,
+    start_modal,
+)
 
 
 class PLAYABLE_OT_new_environment(WorkerOperator, bpy.types.Operator):
@@ -122,23 +77,26 @@ class PLAYABLE_OT_new_environment(WorkerOperator, bpy.types.Operator):
         path = str(Path(bpy.path.abspath(self.image or settings.image_path)).resolve())
         boxes = _boxes_from_json(self.boxes) if self.boxes else settings.typed_boxes()
         pixels = read_picture(path)
-        size = (pixels.shape[1], pixels.shape[0])
-        if self.camera == "USUAL" or scene.camera is None:
-            add_usual_camera(scene, size)
-        context.view_layer.update()
-        camera = read_camera(context.evaluated_depsgraph_get(), size)
-        picture, name = Picture(path, camera, boxes), scene.name
+        size, name = (pixels.shape[1], pixels.shape[0]), scene.name
+        eye = None
+        if self.camera == "SCENE" and scene.camera is not None:
+            context.view_layer.update()
+            eye = read_camera(context.evaluated_depsgraph_get(), size)
 
         def work(_should_stop: object, on_progress: Callable) -> tuple:
             on_progress("starting", 0, 2)
             facts = session.facts(model)
             _check_names(boxes, facts.playable_names)
+            picture = Picture(path, eye or usual_camera(facts, *size), boxes)
             on_progress("encoding", 1, 2)
-            return facts, session.encode(model, pixels, camera, boxes)
+            return facts, picture, session.encode(model, pixels, picture.camera, boxes)
 
-        def finish(result: tuple) -> str:
-            playables.build_environment(bpy.data.scenes[name], model, result[0], picture, result[1])
-            return f"{len(boxes)} playable objects found; colours are set to Standard"
+        def finish(found: tuple) -> str:
+            playables.build_environment(bpy.data.scenes[name], model, *found)
+            if eye is None:
+                _add_usual_camera(bpy.data.scenes[name], *found)
+            terms = f"; weights: {found[0].licence}" if found[0].licence else ""
+            return f"{len(boxes)} playable objects found; colours are set to Standard{terms}"
 
         return Task(work, finish)
 
@@ -155,8 +113,12 @@ class PLAYABLE_OT_load_model(WorkerOperator, bpy.types.Operator):
         model = _model_path(context.scene.playable_environment.model)
 
         def finish(facts: ModelFacts) -> str:
-            bpy.data.scenes[name].playable_environment.list_boxes(facts.playable_names)
-            return f"{facts.name}: {', '.join(facts.playable_names) or 'nothing'} can be played"
+            settings = bpy.data.scenes[name].playable_environment
+            settings.list_boxes(facts.playable_names)
+            settings.note_facts(facts)
+            terms = f"; weights: {facts.licence}" if facts.licence else ""
+            players = ", ".join(facts.playable_names) or "nothing"
+            return f"{facts.name}: {players} can be played{terms}"
 
         return Task(lambda *_: session.facts(model), finish)
 
@@ -178,10 +140,10 @@ class PLAYABLE_OT_bake_paths(WorkerOperator, bpy.types.Operator):
         name, settings = scene.name, scene.playable_environment
         start = playables.stored_start(settings)
         moments = sample_range(scene, range(scene.frame_start, scene.frame_end + 1))
-        shot = shot_from_moments(scene, start, settings.model, moments)
+        shot = shot_from_moments(scene, start, _model_path(settings.model), moments)
 
-        def finish(paths: Mapping) -> str:
-            playables.write_bake(bpy.data.scenes[name], shot, paths, moments)
+        def finish(paths: PredictedPaths) -> str:
+            write_bake(bpy.data.scenes[name], shot, paths, moments)
             return f"Baked {len(shot.objects)} paths over {len(moments)} frames"
 
         return Task(lambda stop, progress: session.rollout(shot, stop, progress), finish)
@@ -203,14 +165,16 @@ class PLAYABLE_OT_insert_action_key(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         chosen = context.object is not None and context.object.playable.is_playable
-        return _allowed(cls, chosen, "Select a playable Empty first")
+        if not _allowed(cls, chosen, "Select a playable Empty first"):
+            return False
+        return _allowed(cls, bool(action_names(context.object)), "The model has no actions for it")
 
     def execute(self, context: bpy.types.Context) -> Result:
         action = int(self.action.removeprefix("A"))
         try:
             playables.key_action(context.object, context.scene.frame_current, action)
         except PlayableEnvironmentError as error:
-            return _failed(self, error)
+            return failed(self, error)
         return {"FINISHED"}
 
 
@@ -236,7 +200,7 @@ class PLAYABLE_OT_render_to_sequencer(bpy.types.Operator):
                 bpy.ops.render.render(animation=True, scene=scene.name)
             strip = show_in_sequencer(scene, job)
         except (PlayableEnvironmentError, RuntimeError) as error:
-            return _failed(self, error)
+            return failed(self, error)
         self.report({"INFO"}, f"{len(job.files)} frames in strip {strip.name!r}")
         return {"FINISHED"}
 
@@ -245,11 +209,11 @@ class PLAYABLE_OT_render_to_sequencer(bpy.types.Operator):
         try:
             self._job = job_for(scene, self.folder or scene.playable_environment.frames_folder)
         except PlayableEnvironmentError as error:
-            return _failed(self, error)
+            return failed(self, error)
         take, self._give_back = borrow_settings(scene, self._job)
         take()
         self._watch = RenderWatch()
-        _start_modal(self, context)
+        start_modal(self, context)
         bpy.ops.render.render("INVOKE_DEFAULT", animation=True, scene=scene.name)
         return {"RUNNING_MODAL"}
 
@@ -257,10 +221,10 @@ class PLAYABLE_OT_render_to_sequencer(bpy.types.Operator):
         if event.type != "TIMER":
             return {"PASS_THROUGH"}  # Esc too: Blender's own render job listens for it
         watch, count = self._watch, len(self._job.files)
-        _show_progress(context, f"Rendering {watch.written} of {count}", watch.written / count)
+        show_progress(context, f"Rendering {watch.written} of {count}", watch.written / count)
         if not watch.ended or bpy.app.is_job_running("RENDER"):
             return {"RUNNING_MODAL"}
-        _end_modal(self, context)
+        end_modal(self, context)
         watch.close()
         self._give_back()
         if watch.cancelled:
@@ -269,7 +233,7 @@ class PLAYABLE_OT_render_to_sequencer(bpy.types.Operator):
         try:
             show_in_sequencer(bpy.data.scenes[self._job.scene_name], self._job)
         except PlayableEnvironmentError as error:
-            return _failed(self, error)
+            return failed(self, error)
         _show_edit_scene(context, bpy.data.scenes[self._job.scene_name])
         return {"FINISHED"}
 
@@ -295,27 +259,13 @@ def _allowed(operator: type, condition: bool, why_not: str) -> bool:
     return condition
 
 
-def _failed(operator: bpy.types.Operator, error: Exception) -> Result:
-    operator.report({"ERROR"}, str(error))
-    return {"CANCELLED"}
-
-
-def _start_modal(operator: bpy.types.Operator, context: bpy.types.Context) -> None:
-    manager = context.window_manager
-    manager.progress_begin(0, 100)
-    operator._timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
-    manager.modal_handler_add(operator)
-
-
-def _end_modal(operator: bpy.types.Operator, context: bpy.types.Context) -> None:
-    context.window_manager.event_timer_remove(operator._timer)
-    context.window_manager.progress_end()
-    context.workspace.status_text_set(None)
-
-
-def _show_progress(context: bpy.types.Context, text: str, share: float) -> None:
-    context.window_manager.progress_update(int(100 * share))
-    context.workspace.status_text_set(f"{text} · {share:.0%} · Esc to stop")
+def _add_usual_camera(
+    scene: bpy.types.Scene, facts: ModelFacts, picture: Picture, state: Mapping
+) -> None:
+    layer = scene.view_layers[0]
+    layer.update()
+    root, eye = world_from_environment(layer.depsgraph), picture.camera
+    add_camera(scene, eye, root, farthest(facts, state, eye.world_from_camera[:3, 3]))
 
 
 def _show_edit_scene(context: bpy.types.Context, scene: bpy.types.Scene) -> None:

@@ -1,11 +1,17 @@
 """The sidebar tab of the 3D view: from the picture, through the keys, to the strip."""
 
+import textwrap
+
 import bpy
 
 from pe_runtime.contract.errors import ShotError
 
 from .bake import bake_of
+from .scene_bridge import action_names
 from .session import session
+
+LABEL_WIDTH = 34
+"""Characters that the sidebar shows at its usual width."""
 
 
 class PlayablePanel:
@@ -26,6 +32,7 @@ class PLAYABLE_PT_environment(PlayablePanel, bpy.types.Panel):
         settings, layout = context.scene.playable_environment, self.layout
         layout.use_property_split = True
         layout.prop(settings, "model")
+        _draw_facts(layout, settings)
         layout.operator("playable.load_model", icon="IMPORT")
         layout.prop(settings, "image_path")
         for each in settings.boxes:
@@ -33,7 +40,7 @@ class PLAYABLE_PT_environment(PlayablePanel, bpy.types.Panel):
             column.label(text=each.name)
             for index, edge in enumerate(("Left", "Top", "Right", "Bottom")):
                 column.prop(each, "box", index=index, text=edge)
-        layout.operator("playable.new_environment", icon="OUTLINER_OB_EMPTY")
+        _draw_ways_in(layout)
         if settings.root is not None:
             layout.prop(settings, "root")
         _draw_worker(layout)
@@ -56,6 +63,9 @@ class PLAYABLE_PT_object(PlayablePanel, bpy.types.Panel):
         if not playable.is_playable:
             return
         layout.prop(playable, "object_name")
+        if not action_names(context.object):
+            layout.label(text="The model has no actions for it", icon="INFO")
+            return
         layout.prop(playable, "action")
         layout.operator_menu_enum("playable.insert_action_key", "action", icon="KEY_HLT")
 
@@ -96,6 +106,28 @@ class PLAYABLE_PT_output(PlayablePanel, bpy.types.Panel):
         layout.operator("playable.render_to_sequencer", icon="SEQ_SEQUENCER")
         if settings.edit_scene is not None:
             layout.label(text=f"Strip in scene {settings.edit_scene.name!r}", icon="SCENE_DATA")
+
+
+def _draw_facts(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
+    width, height = settings.native_size
+    if not width:
+        return
+    column = layout.column(align=True)
+    column.label(text=f"{width} x {height}, {settings.steps_per_second:g} steps a second")
+    terms = textwrap.wrap(f"Weights: {settings.licence}", LABEL_WIDTH) if settings.licence else []
+    for line in terms:
+        column.label(text=line)
+
+
+def _draw_ways_in(layout: bpy.types.UILayout) -> None:
+    # Both say which camera: Blender would repeat the last choice for a button that does not.
+    column = layout.column(align=True)
+    own = column.operator("playable.new_environment", icon="OUTLINER_OB_EMPTY")
+    own.camera = "SCENE"
+    usual = column.operator(
+        "playable.new_environment", text="New, from the Usual Camera", icon="CAMERA_DATA"
+    )
+    usual.camera = "USUAL"
 
 
 def _draw_worker(layout: bpy.types.UILayout) -> None:

@@ -1,31 +1,31 @@
-"""Environment roots, playable Empties, action keys and baked paths.
+"""Environment roots, playable Empties and action keys.
 
 A playable Empty is a child of the environment root, so its location is its ground point in
-environment space. Baked paths are LINEAR keys on that location.
+environment space and its turn about z its heading.
 """
 
 import json
 import uuid
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import bpy
-import numpy as np
 
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import ShotError
-from pe_runtime.contract.messages import ModelFacts
-from pe_runtime.contract.shot import Shot, Start
+from pe_runtime.contract.model_facts import ModelFacts
+from pe_runtime.contract.shot import Start
 
-from .bake import Bake
-from .fcurves import make_stepped, own_curves, remove_curves, write_curve
+from .fcurves import make_stepped, own_curves, remove_curves
 from .pixels import use_exact_colours
-from .scene_bridge import Moment, playable_objects
+from .scene_bridge import action_names, playable_objects
 from .settings import ACTION_LIMIT, SCHEMA
+from .volumes import height_of, show_volumes
 
 ACTION_PATH = "playable.action"
 STATE_FORMAT = 1
-EMPTY_METRES = 0.5
+USUAL_HEIGHT = 1.0
+"""Metres of an Empty whose object has no known volume."""
 
 
 @dataclass(frozen=True)
@@ -51,10 +51,10 @@ class Picture:
 def build_environment(
     scene: bpy.types.Scene, model: str, facts: ModelFacts, picture: Picture, state: Mapping
 ) -> None:
-    """Put an encoded picture into a scene: a root, an Empty per playable object, the settings.
+    """Put an encoded picture into a scene: a root, Empties, their volumes, the settings.
 
     Done again in the same scene, Empties of the same name are kept with their action keys and
-    move to the new positions; others stop being playable.
+    move and turn to where the picture shows them; others stop being playable.
 
     Args:
         scene: Gets the environment, exact colours and the engine.
@@ -67,14 +67,15 @@ def build_environment(
     root = settings.root or _new_root(scene)
     settings.root, settings.schema, settings.model = root, SCHEMA, model
     settings.image_path = picture.path
-    settings.steps_per_second = facts.steps_per_second
+    settings.note_facts(facts)
     settings.job = settings.job or uuid.uuid4().hex
-    settings.state_text = _write_text(
+    settings.state_text = write_text(
         settings.state_text, f"{scene.name} environment", _state_json(picture, state)
     )
     settings.bake_text = None
     settings.set_boxes(facts.playable_names, picture.boxes)
-    _place_empties(scene, root, facts, picture.boxes, state)
+    placed = _place_empties(scene, facts, picture.boxes, state)
+    show_volumes(scene, facts, placed, state)
     use_exact_colours(scene)
     scene.render.engine = "PLAYABLE_ENV"
 
@@ -108,6 +109,11 @@ def key_action(target: bpy.types.Object, frame: int, action: int) -> None:
     if not target.playable.is_playable:
         raise ShotError(f"{target.name!r} is not playable; choose one of the environment's Empties")
     names = action_names(target)
+    if not names:
+        raise ShotError(
+            f"the model has no actions for {target.playable.object_name!r}: move {target.name!r} "
+            "by keys on its location, or choose a model with trained actions"
+        )
     if not 0 <= action < len(names):
         raise ShotError(
             f"{target.name!r} has the actions 0 to {len(names) - 1} ({', '.join(names)}), "
@@ -119,67 +125,6 @@ def key_action(target: bpy.types.Object, frame: int, action: int) -> None:
     make_stepped(target, ACTION_PATH)
 
 
-def action_names(target: bpy.types.Object) -> list[str]:
-    """The model's names for the actions of a playable object; the index is the action."""
-    return json.loads(target.playable.action_names or "[]")
-
-
-def write_bake(
-    scene: bpy.types.Scene, shot: Shot, paths: Mapping[str, np.ndarray], moments: Sequence[Moment]
-) -> None:
-    """Key predicted paths on the Empties and remember the shot they belong to; main thread only.
-
-    Args:
-        scene: The scene that the shot was sampled from.
-        shot: The shot that was rolled out.
-        paths: Per object (frames, 3) positions in environment space, metres.
-        moments: The sampled frames of the shot.
-
-    Raises:
-        ShotError: A path is missing or too short, or an Empty cannot take it.
-    """
-    objects = playable_objects(scene)
-    frames = np.arange(shot.frame_start, shot.frame_end + 1, dtype=np.float64)
-    kept = {name: _checked_path(name, paths, len(frames)) for name in objects}
-    locals_ = {name: _in_parent(each, kept[name], scene, moments) for name, each in objects.items()}
-    for name, each in objects.items():
-        curves = own_curves(each)
-        for axis in range(3):
-            write_curve(curves, "location", axis, frames, locals_[name][:, axis])
-    settings = scene.playable_environment
-    settings.bake_text = _write_text(
-        settings.bake_text, f"{scene.name} bake", Bake(shot, kept).to_json()
-    )
-    scene.frame_set(scene.frame_current, subframe=scene.frame_subframe)
-
-
-def _checked_path(name: str, paths: Mapping[str, np.ndarray], count: int) -> np.ndarray:
-    path = np.asarray(paths.get(name, ()), np.float64)
-    if path.shape != (count, 3) or not np.isfinite(path).all():
-        raise ShotError(
-            f"expected {count} finite positions for {name!r} from the worker, found an array of "
-            f"shape {path.shape}; use an add-on and a runtime of the same version"
-        )
-    return path
-
-
-def _in_parent(
-    each: bpy.types.Object, path: np.ndarray, scene: bpy.types.Scene, moments: Sequence[Moment]
-) -> np.ndarray:
-    """The path in the space of the object's location channels."""
-    points = np.concatenate([path, np.ones((len(path), 1))], axis=1)
-    if each.parent is not None and each.parent == scene.playable_environment.root:
-        local_from_environment = np.linalg.inv(np.array(each.matrix_parent_inverse))
-        return (points @ local_from_environment.T)[:, :3]
-    if each.parent is None:
-        matrices = np.stack([moment.world_from_environment for moment in moments])
-        return np.einsum("fij,fj->fi", matrices, points)[:, :3]
-    raise ShotError(
-        f"{each.name!r} is parented to {each.parent.name!r}; parent it to the environment root "
-        "or to nothing, so that its path can be keyed"
-    )
-
-
 def _new_root(scene: bpy.types.Scene) -> bpy.types.Object:
     root = bpy.data.objects.new("Playable Environment", None)
     root.empty_display_type = "ARROWS"
@@ -188,27 +133,41 @@ def _new_root(scene: bpy.types.Scene) -> bpy.types.Object:
 
 
 def _place_empties(
-    scene: bpy.types.Scene,
-    root: bpy.types.Object,
-    facts: ModelFacts,
-    boxes: Mapping[str, object],
-    state: Mapping,
-) -> None:
+    scene: bpy.types.Scene, facts: ModelFacts, boxes: Mapping[str, object], state: Mapping
+) -> dict[str, bpy.types.Object]:
+    """The Empties of the objects that have boxes, where the state puts them."""
     standing = playable_objects(scene)
     for name in set(standing) - set(boxes):
         standing[name].playable.is_playable = False
+    placed = {}
     for name in facts.playable_names:
         if name in boxes:
-            each = standing.get(name) or _new_empty(scene, root, name)
-            each.playable.action_names = json.dumps(facts.action_names[name][:ACTION_LIMIT])
-            remove_curves(each, "location")
-            each.location = state["objects"][name]["position"]
+            placed[name] = each = standing.get(name) or _new_empty(scene, name, facts)
+            _teach_actions(each, name, facts)
+            for data_path in ("location", "rotation_euler"):
+                remove_curves(each, data_path)
+            found = state["objects"][name]
+            each.location, each.rotation_mode = found["position"], "XYZ"
+            each.rotation_euler = 0.0, 0.0, found.get("heading", 0.0)
+    return placed
 
 
-def _new_empty(scene: bpy.types.Scene, root: bpy.types.Object, name: str) -> bpy.types.Object:
+def _teach_actions(each: bpy.types.Object, name: str, facts: ModelFacts) -> None:
+    """Give an Empty the model's actions; until it has keys, it does what nobody has to tell it."""
+    names = json.dumps(facts.action_names[name][:ACTION_LIMIT])
+    if each.playable.action_names != names:
+        each.playable.action_names = names
+        each.playable.action = f"A{facts.resting_actions.get(name, 0)}"
+
+
+def _new_empty(scene: bpy.types.Scene, name: str, facts: ModelFacts) -> bpy.types.Object:
     each = bpy.data.objects.new(name, None)
-    each.empty_display_type, each.empty_display_size = "SINGLE_ARROW", EMPTY_METRES
-    each.parent = root
+    height = height_of(facts.volumes.get(name), USUAL_HEIGHT)
+    if name in facts.turning_names:
+        each.empty_display_type, each.empty_display_size = "ARROWS", height / 2
+    else:
+        each.empty_display_type, each.empty_display_size = "SINGLE_ARROW", height
+    each.parent = scene.playable_environment.root
     each.playable.is_playable, each.playable.object_name = True, name
     scene.collection.objects.link(each)
     return each
@@ -223,7 +182,8 @@ def _state_json(picture: Picture, state: Mapping) -> str:
     return json.dumps({"format": STATE_FORMAT, "start": start, "state": state})
 
 
-def _write_text(block: bpy.types.Text | None, name: str, content: str) -> bpy.types.Text:
+def write_text(block: bpy.types.Text | None, name: str, content: str) -> bpy.types.Text:
+    """Put a content into a text block, made if there is none yet."""
     block = block or bpy.data.texts.new(name)
     block.clear()
     block.write(content)

@@ -24,6 +24,7 @@ _LENT = (
     "use_placeholder",
     "use_file_extension",
 )
+_PASSES = ("use_depth", "use_masks")
 _LENT_FORMAT = ("file_format", "color_mode", "color_depth", "compression", "color_management")
 
 
@@ -86,6 +87,8 @@ def borrow_settings(scene: bpy.types.Scene, job: RangeJob) -> tuple:
     render, output = scene.render, scene.render.image_settings
     has_media_type = hasattr(output, "media_type")
     media_type = output.media_type if has_media_type else None
+    settings = scene.playable_environment
+    passes = {name: getattr(settings, name) for name in _PASSES}
     kept = {name: getattr(render, name) for name in _LENT}
     kept_format = {name: getattr(output, name) for name in _LENT_FORMAT}
 
@@ -98,8 +101,14 @@ def borrow_settings(scene: bpy.types.Scene, job: RangeJob) -> tuple:
             output.media_type = "IMAGE"
         output.file_format, output.color_mode, output.color_depth = "PNG", "RGB", "8"
         output.color_management = "FOLLOW_SCENE"
+        # Each pass costs as much as the picture or more, and a PNG holds none.
+        if not _composites(scene):
+            for name in passes:
+                setattr(settings, name, False)
 
     def give_back() -> None:
+        for name, value in passes.items():
+            setattr(settings, name, value)
         if has_media_type:
             output.media_type = media_type
         for name, value in kept_format.items():
@@ -108,6 +117,16 @@ def borrow_settings(scene: bpy.types.Scene, job: RangeJob) -> tuple:
             setattr(render, name, value)
 
     return take, give_back
+
+
+def _composites(scene: bpy.types.Scene) -> bool:
+    """Whether compositor nodes see the passes."""
+    if not scene.render.use_compositing:
+        return False
+    # Since 5.0 a scene names its nodes; before, it had some or had none.
+    if "compositing_node_group" in scene.bl_rna.properties:
+        return scene.compositing_node_group is not None
+    return scene.use_nodes
 
 
 def show_in_sequencer(scene: bpy.types.Scene, job: RangeJob) -> bpy.types.Strip:

@@ -5,6 +5,8 @@ where there is none, uniform scale allowed. Environment space is what the worker
 """
 
 import dataclasses
+import json
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -37,14 +39,17 @@ class TrackMoment:
     """One playable object at one frame.
 
     Attributes:
-        action: Index among the model's actions; None where the object is hidden and not evaluated.
+        action: Index among the model's actions; None where the model has none for the object, or
+            where it is hidden and not evaluated.
         location: Ground point in environment space, metres.
         visible: Whether renders show it.
+        heading: Turn about the environment's z axis, radians.
     """
 
     action: int | None
     location: Point
     visible: bool
+    heading: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -266,13 +271,21 @@ def _read_track(
             f"{each.name!r} is disabled in viewports, so its keys cannot be read; enable it "
             "(the eye in the outliner may stay closed)"
         )
-    world = np.append(np.array(each.matrix_world.translation, dtype=np.float64), 1.0)
-    location = tuple(float(x) for x in (environment_from_world @ world)[:3])
+    environment_from_object = environment_from_world @ np.array(each.matrix_world, np.float64)
+    location = tuple(float(x) for x in environment_from_object[:3, 3])
+    heading = math.atan2(environment_from_object[1, 0], environment_from_object[0, 0])
     action = _action_index(each) if each.is_evaluated else None
-    return TrackMoment(action, location, visible)
+    return TrackMoment(action, location, visible, heading)
 
 
-def _action_index(each: bpy.types.Object) -> int:
+def action_names(target: bpy.types.Object) -> list[str]:
+    """The model's names for the actions of a playable object; the index is the action."""
+    return json.loads(target.playable.action_names or "[]")
+
+
+def _action_index(each: bpy.types.Object) -> int | None:
+    if not action_names(each):
+        return None
     identifier = each.playable.action
     if not identifier:
         raise ShotError(
@@ -285,7 +298,7 @@ def _track_from_moments(name: str, moments: Sequence[Moment]) -> ObjectTrack:
     keys: list[tuple[int, int]] = []
     for moment in moments:
         action = moment.tracks[name].action
-        if not keys or keys[-1][1] != action:
+        if action is not None and (not keys or keys[-1][1] != action):
             keys.append((moment.frame, action))
     visible = tuple(moment.tracks[name].visible for moment in moments)
     return ObjectTrack(name=name, actions=tuple(keys), visible=None if all(visible) else visible)

@@ -14,11 +14,12 @@ import numpy as np
 
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import WorkerError
-from pe_runtime.contract.messages import ModelFacts
+from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
 
 from .worker_client import (
     OnProgress,
+    PredictedPaths,
     RenderedFrame,
     ShouldStop,
     WorkerCancelledError,
@@ -74,7 +75,7 @@ class Session:
         shot: Shot,
         should_stop: ShouldStop | None = None,
         on_progress: OnProgress | None = None,
-    ) -> dict[str, np.ndarray]:
+    ) -> PredictedPaths:
         """Predict paths; see `WorkerClient.rollout`."""
         with self._conversation(shot.model) as client:
             return client.rollout(shot, should_stop, on_progress)

@@ -18,9 +18,12 @@ from bpy.props import (
     FloatProperty,
     FloatVectorProperty,
     IntProperty,
+    IntVectorProperty,
     PointerProperty,
     StringProperty,
 )
+
+from pe_runtime.contract.model_facts import ModelFacts
 
 from . import session
 
@@ -98,8 +101,17 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
 
     schema: IntProperty(default=0, options={"HIDDEN"})
     model: StringProperty(
-        name="Model", description="A built-in model's name or a checkpoint file", default="duel"
+        name="Model",
+        description="A built-in model's name or a model file, such as pe import-official writes",
+        subtype="FILE_PATH",
+        options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+        default="duel",
+        update=lambda self, _context: self.forget_facts(),
     )
+    native_size: IntVectorProperty(
+        name="Size", description="Pixels of the pictures that the model was made for", size=2
+    )
+    licence: StringProperty(name="Licence", description="Terms of the model's weights")
     image_path: _file_path("Picture", "The picture that became this environment")
     boxes: CollectionProperty(type=BoxSettings)
     root: PointerProperty(
@@ -137,6 +149,16 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         default="//frames",
     )
+
+    def note_facts(self, facts: ModelFacts) -> None:
+        """Keep what the panel tells of the model, so that it needs no worker for it."""
+        self.steps_per_second = facts.steps_per_second
+        self.native_size = facts.width, facts.height
+        self.licence = facts.licence
+
+    def forget_facts(self) -> None:
+        """Tell nothing of a model that has not been loaded yet."""
+        self.native_size, self.licence = (0, 0), ""
 
     def list_boxes(self, names: Iterable[str]) -> None:
         """Have one box for each of these objects; boxes that were typed already stay."""

@@ -1,36 +1,56 @@
-"""Where pictures of a scene are usually taken from, for those who have no matching camera yet."""
+"""Where pictures of a model's world are usually taken from, for those who have no camera yet."""
 
 import bpy
 import numpy as np
 
 from pe_runtime.contract.camera import Camera
+from pe_runtime.contract.errors import ShotError
+from pe_runtime.contract.model_facts import ModelFacts
 
 from .scene_bridge import look_through
 
-# The middle of what the built-in model was trained on: metres, radians.
-EYE = np.array([0.0, -8.5, 2.6])
-TARGET = np.array([0.0, 0.0, 1.0])
-FIELD_OF_VIEW = np.radians(50.0)
+CLIP_MARGIN = 1.5
 
 
-def usual_camera(width: int, height: int) -> Camera:
-    """A camera in front of the environment's origin, level, looking at people of usual size."""
-    forward = (TARGET - EYE) / np.linalg.norm(TARGET - EYE)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
-    pose[:3, 3] = EYE
-    focal = width / 2 / np.tan(FIELD_OF_VIEW / 2)
-    intrinsics = np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])
-    return Camera(width, height, intrinsics, pose)
+def usual_camera(facts: ModelFacts, width: int, height: int) -> Camera:
+    """The model's usual camera, as wide as it is, on the square pixels of a picture.
+
+    Raises:
+        ShotError: Nobody knows where the model's pictures are taken from.
+    """
+    usual = facts.usual_camera
+    if usual is None:
+        raise ShotError(
+            f"nobody knows where pictures of {facts.name!r} are usually taken from; add a camera "
+            "that matches the picture"
+        )
+    scale, intrinsics = width / usual.width, usual.intrinsics.copy()
+    intrinsics[:2, :2] *= scale
+    middle = np.array([usual.width, usual.height]) / 2
+    intrinsics[:2, 2] = np.array([width, height]) / 2 + scale * (intrinsics[:2, 2] - middle)
+    return Camera(width, height, intrinsics, usual.world_from_camera)
 
 
-def add_usual_camera(scene: bpy.types.Scene, size: tuple[int, int]) -> bpy.types.Object:
-    """Give a scene the usual camera and the picture's resolution (width, height)."""
+def add_camera(
+    scene: bpy.types.Scene, eye: Camera, world_from_environment: np.ndarray, reach: float
+) -> bpy.types.Object:
+    """Give a scene a camera and the resolution of its picture.
+
+    Args:
+        scene: Gets the camera as its active one.
+        eye: What it sees, environment space.
+        world_from_environment: (4, 4) matrix of the environment root; uniform scale allowed.
+        reach: Environment metres that the viewport should show before it.
+    """
     name = "Environment Camera"
     holder = bpy.data.objects.new(name, bpy.data.cameras.new(name))
     scene.collection.objects.link(holder)
-    look_through(holder, scene.render, usual_camera(*size))
+    scale = float(np.linalg.norm(world_from_environment[:3, 0]))
+    world_from_camera = world_from_environment @ eye.world_from_camera
+    world_from_camera[:3, :3] /= scale
+    look_through(
+        holder, scene.render, Camera(eye.width, eye.height, eye.intrinsics, world_from_camera)
+    )
+    holder.data.clip_end = max(holder.data.clip_end, CLIP_MARGIN * scale * reach)
     scene.camera = holder
     return holder

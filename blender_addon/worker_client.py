@@ -12,7 +12,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -22,13 +22,14 @@ from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import WorkerError
 from pe_runtime.contract.messages import (
     CANCELLED,
+    HEADING_PREFIX,
     PROTOCOL,
     TERMINAL,
     Message,
-    ModelFacts,
     read_message,
     write_message,
 )
+from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import MASK_PASS_PREFIX, Shot
 
 START_SECONDS = 120.0
@@ -57,6 +58,19 @@ class RenderedFrame:
     rgb: np.ndarray
     depth: np.ndarray | None
     masks: Mapping[str, np.ndarray]
+
+
+@dataclass(frozen=True)
+class PredictedPaths:
+    """Where the playable objects of a shot go, before the artist's changes; environment space.
+
+    Attributes:
+        positions: Per object (frames, 3) float64 metres.
+        headings: Per object (frames,) float64 radians about z; only where the model predicts them.
+    """
+
+    positions: Mapping[str, np.ndarray]
+    headings: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
 class WorkerCancelledError(WorkerError):
@@ -133,10 +147,10 @@ class WorkerClient:
         shot: Shot,
         should_stop: ShouldStop | None = None,
         on_progress: OnProgress | None = None,
-    ) -> dict[str, np.ndarray]:
-        """Predicted (frames, 3) positions per object, metres in environment space."""
+    ) -> PredictedPaths:
+        """Predict where the playable objects go."""
         message = Message("rollout", {"shot": shot.as_dict()})
-        return dict(self._ask(message, should_stop, on_progress=on_progress).buffers)
+        return _paths_from(self._ask(message, should_stop, on_progress=on_progress))
 
     def render(
         self,
@@ -309,6 +323,16 @@ def _error_from(reply: Message) -> WorkerError:
     if kind == CANCELLED:
         return WorkerCancelledError(text or "cancelled")
     return WorkerError(f"{text} ({kind})")
+
+
+def _paths_from(reply: Message) -> PredictedPaths:
+    positions, headings = {}, {}
+    for name, buffer in reply.buffers.items():
+        if name.startswith(HEADING_PREFIX):
+            headings[name.removeprefix(HEADING_PREFIX)] = buffer
+        else:
+            positions[name] = buffer
+    return PredictedPaths(positions, headings)
 
 
 def _frame_from(reply: Message) -> RenderedFrame:

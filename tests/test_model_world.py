@@ -12,10 +12,10 @@ from pe_runtime.contract.errors import ConfigError
 from pe_runtime.contract.messages import (
     PROTOCOL,
     Message,
-    ModelFacts,
     read_message,
     write_message,
 )
+from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import ObjectTrack, Shot
 from pe_runtime.environment import PlayableEnvironment
 from pe_runtime.images import read_image, to_uint8

@@ -13,10 +13,10 @@ from pe_runtime.contract.messages import (
     PROTOCOL,
     REQUESTS,
     Message,
-    ModelFacts,
     read_message,
     write_message,
 )
+from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Start
 from pe_runtime.images import write_png
 from pe_runtime.worker.fake_world import ACTIONS, FakeWorld
@@ -42,7 +42,13 @@ def test_hello_and_load_answer_with_the_facts_of_the_model(worker):
     greeting = worker.ask(HELLO)
     assert greeting.fields == {"protocol": PROTOCOL, "version": pe_runtime.__version__}
     facts = ModelFacts.from_fields(worker.ask(LOAD).fields)
-    assert facts == ModelFacts("duel", {"player_1": ACTIONS, "player_2": ACTIONS}, 5.0, 256, 144)
+    assert (facts.name, facts.steps_per_second, facts.width, facts.height) == (
+        "duel",
+        5.0,
+        256,
+        144,
+    )
+    assert facts.action_names == {"player_1": ACTIONS, "player_2": ACTIONS}
 
 
 @pytest.mark.parametrize("wrong", [{"protocol": 99}, {"version": "0.0.0"}, {"version": None}])

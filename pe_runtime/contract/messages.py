@@ -10,7 +10,6 @@ Every request but ``cancel`` and ``stop`` ends with exactly one terminal reply (
 
 import json
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from io import BufferedIOBase
 from typing import Any
@@ -19,7 +18,7 @@ import numpy as np
 
 from .errors import WorkerError
 
-PROTOCOL = 1
+PROTOCOL = 2
 """Version of this vocabulary, compared at ``hello``."""
 
 REQUESTS = {
@@ -27,7 +26,8 @@ REQUESTS = {
     "load": "fields model -> ready, with the ModelFacts as fields",
     "encode": "fields camera, boxes; buffer image uint8 (height, width, 3) -> state, field state",
     "rollout": "fields shot -> state, field fps; one (frames, 3) float64 buffer per object: "
-    "positions in environment space, metres",
+    "positions in environment space, metres; 'heading:NAME' (frames,) float64 for each object "
+    "whose heading the model predicts: radians about z",
     "render": "fields shot, frames (list or null for all) -> progress and frame, then ready",
     "proxy_mesh": "fields object -> state; buffers vertices (n, 3) float32, faces (m, 3) int32",
     "cancel": "no reply of its own; running and waiting requests end with failure 'cancelled'",
@@ -43,6 +43,8 @@ REPLIES = {
 }
 TERMINAL = frozenset({"ready", "state", "failure"})
 CANCELLED = "cancelled"
+HEADING_PREFIX = "heading:"
+"""Before an object's name: the buffer of its headings."""
 
 MAX_HEADER_BYTES = 1 << 26
 MAX_MESSAGE_BYTES = 1 << 30
@@ -56,56 +58,6 @@ class Message:
     type: str
     fields: dict[str, Any] = field(default_factory=dict)
     buffers: dict[str, np.ndarray] = field(default_factory=dict)
-
-
-@dataclass(frozen=True)
-class ModelFacts:
-    """What ``ready`` tells about the loaded model: all that Blender must know of it."""
-
-    name: str
-    action_names: Mapping[str, tuple[str, ...]]
-    """Per playable object, in model order: the names of its actions; an index is a position."""
-    steps_per_second: float
-    width: int
-    height: int
-
-    @property
-    def playable_names(self) -> tuple[str, ...]:
-        """Names of the playable objects, in model order."""
-        return tuple(self.action_names)
-
-    def as_fields(self) -> dict[str, Any]:
-        """Fields of a ``ready`` message."""
-        return {
-            "name": self.name,
-            "action_names": {name: list(names) for name, names in self.action_names.items()},
-            "playable_names": list(self.action_names),
-            "steps_per_second": self.steps_per_second,
-            "width": self.width,
-            "height": self.height,
-        }
-
-    @staticmethod
-    def from_fields(fields: Mapping[str, Any]) -> "ModelFacts":
-        """Read the fields of a ``ready`` message.
-
-        Raises:
-            WorkerError: A fact is missing or of the wrong kind.
-        """
-        try:
-            names = fields["playable_names"]
-            return ModelFacts(
-                name=str(fields["name"]),
-                action_names={name: tuple(fields["action_names"][name]) for name in names},
-                steps_per_second=float(fields["steps_per_second"]),
-                width=int(fields["width"]),
-                height=int(fields["height"]),
-            )
-        except (KeyError, TypeError, ValueError) as error:
-            raise WorkerError(
-                f"the worker's facts about its model are incomplete ({error!r}): "
-                f"found {sorted(fields)}; use an add-on and a runtime of the same version"
-            ) from error
 
 
 def failure(kind: str, message: str) -> Message:

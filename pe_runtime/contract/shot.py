@@ -61,6 +61,7 @@ class Shot:
         for track in self.objects:
             lengths[f"objects[{track.name!r}].locations"] = track.locations
             lengths[f"objects[{track.name!r}].visible"] = track.visible
+            lengths[f"objects[{track.name!r}].headings"] = track.headings
         for key, per_frame in lengths.items():
             if per_frame is not None and len(per_frame) != len(self.frames):
                 refuse(key, f"{len(self.frames)} entries, one per frame", len(per_frame))

@@ -20,6 +20,7 @@ from .shot_values import (
 Point = tuple[float, float, float]
 Box = tuple[float, float, float, float]
 WEIGHT_TOLERANCE = 1e-6
+OPTIONAL_KEYS = ("actions", "locations", "visible", "styles", "headings")
 
 
 @dataclass(frozen=True)
@@ -120,6 +121,8 @@ class ObjectTrack:
     visible: tuple[bool, ...] | None = None
     """One switch per frame; None means always."""
     styles: tuple[StyleMix, ...] = ()
+    headings: tuple[float, ...] | None = None
+    """One turn about world z per frame, radians, in place of the predicted ones."""
 
     def __post_init__(self) -> None:
         where = f"objects[{self.name!r}]"
@@ -133,6 +136,9 @@ class ObjectTrack:
         for index, point in enumerate(self.locations or ()):
             if len(point) != 3 or not all(map(math.isfinite, point)):
                 refuse(f"{where}.locations[{index}]", "three finite numbers", point)
+        for index, heading in enumerate(self.headings or ()):
+            if not math.isfinite(heading):
+                refuse(f"{where}.headings[{index}]", "a finite number of radians", heading)
         for frame in {mix.frame for mix in self.styles}:
             weight = sum(mix.weight for mix in self.styles if mix.frame == frame)
             if weight > 1.0 + WEIGHT_TOLERANCE:
@@ -153,18 +159,21 @@ class ObjectTrack:
     def as_dict(self) -> dict[str, Any]:
         """The track as plain JSON values."""
         points, switches = self.locations, self.visible
+        # Left out where there are none: documents and digests stay those of earlier versions.
+        turns = {} if self.headings is None else {"headings": [float(x) for x in self.headings]}
         return {
             "name": self.name,
             "actions": [[frame, action] for frame, action in self.actions],
             "locations": None if points is None else [[float(x) for x in row] for row in points],
             "visible": None if switches is None else [bool(switch) for switch in switches],
             "styles": [mix.as_dict() for mix in self.styles],
+            **turns,
         }
 
     @staticmethod
     def from_dict(content: object, where: str = "object") -> "ObjectTrack":
         """Read what ``as_dict`` wrote; all but the name may be missing."""
-        keys = read_keys(content, where, ("name",), ("actions", "locations", "visible", "styles"))
+        keys = read_keys(content, where, ("name",), OPTIONAL_KEYS)
         points, styles = keys.get("locations"), read_list(keys.get("styles", []), f"{where}.styles")
         if points is not None:
             points = read_list(points, f"{where}.locations")
@@ -179,6 +188,7 @@ class ObjectTrack:
             styles=tuple(
                 StyleMix.from_dict(mix, f"{where}.styles[{i}]") for i, mix in enumerate(styles)
             ),
+            headings=_read_headings(keys.get("headings"), f"{where}.headings"),
         )
 
 
@@ -189,6 +199,14 @@ def _read_actions(content: object, where: str) -> tuple[tuple[int, int], ...]:
             refuse(f"{where}[{index}]", "a frame and an action index", key)
         keys.append(tuple(read_integer(value, f"{where}[{index}]") for value in key))
     return tuple(keys)
+
+
+def _read_headings(content: object, where: str) -> tuple[float, ...] | None:
+    if content is None:
+        return None
+    return tuple(
+        read_number(each, f"{where}[{i}]") for i, each in enumerate(read_list(content, where))
+    )
 
 
 def _read_switches(content: object, where: str) -> tuple[bool, ...] | None:

@@ -11,7 +11,7 @@ from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 from pe_runtime.contract.shot import Shot
 from pe_runtime.environment import Frame, RenderOptions
 from pe_runtime.shots.rollout import PreparedShot, World
-from pe_runtime.state import EnvironmentState, hide, move, restyle
+from pe_runtime.state import EnvironmentState, hide, move, restyle, turn
 
 RENDERER_VERSION = 1
 """Raise when the same inputs give other pixels, so that stored frames are drawn again."""
@@ -34,6 +34,8 @@ def frame_state(prepared: PreparedShot, frame: int) -> EnvironmentState:
         if track.locations is not None:
             place = torch.tensor(track.locations[index], dtype=own.position.dtype)
             state = move(state, track.name, place.to(own.position.device))
+        if track.headings is not None:
+            state = turn(state, track.name, track.headings[index])
         if track.visible is not None and not track.visible[index]:
             state = hide(state, track.name)
         mixes = track.styles_at(frame)
@@ -123,7 +125,8 @@ def frame_digest(model: str, prepared: PreparedShot, frame: int) -> str:
     state = frame_state(prepared, frame)
     for name in sorted(state.objects):
         each = state[name]
-        digest.update(f"{name} {each.visible}".encode())
+        turned = f" {each.heading!r}" if each.heading else ""
+        digest.update(f"{name} {each.visible}{turned}".encode())
         for code in (each.position, each.style, each.pose):
             digest.update(code.detach().cpu().numpy().tobytes())
     return digest.hexdigest()

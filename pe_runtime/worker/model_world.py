@@ -8,7 +8,8 @@ import numpy as np
 
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import ConfigError
-from pe_runtime.contract.messages import ModelFacts
+from pe_runtime.contract.messages import HEADING_PREFIX
+from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
 from pe_runtime.contract.shot_track import Box
 from pe_runtime.environment import PlayableEnvironment
@@ -23,6 +24,7 @@ from pe_runtime.shots import (
     start_state,
 )
 from pe_runtime.state import state_as_dict
+from pe_runtime.worker.loaded_facts import facts_of, turning_names
 from pe_runtime.worker.serving import Picture, box_mesh
 
 REMEMBERED_ROLLOUTS = 8
@@ -44,15 +46,8 @@ class ModelWorld:
 
     def load(self, model: str) -> ModelFacts:
         """Load a model by built-in name or path."""
-        environment = PlayableEnvironment.load(model, self._device)
-        self._environment, config = environment, environment.config
-        return ModelFacts(
-            model,
-            dict(environment.action_names),
-            environment.steps_per_second,
-            config.width,
-            config.height,
-        )
+        self._environment = PlayableEnvironment.load(model, self._device)
+        return facts_of(self._environment)
 
     def encode(self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Box]) -> dict[str, Any]:
         """State of a picture, uint8 (height, width, 3), as JSON values."""
@@ -60,12 +55,17 @@ class ModelWorld:
         return state_as_dict(self._environment.encode(picture, camera, boxes))
 
     def rollout(self, shot: Shot) -> dict[str, np.ndarray]:
-        """Predicted positions (frames, 3) float64 of every playable object, before overrides."""
+        """Predicted positions and headings of the playable objects, before overrides."""
         states = self._prepared(shot).rollout.states
-        return {
+        positions = {
             name: np.stack([state[name].position.double().cpu().numpy() for state in states])
             for name in self._environment.playable_names
         }
+        headings = {
+            f"{HEADING_PREFIX}{name}": np.array([state[name].heading for state in states])
+            for name in turning_names(self._environment)
+        }
+        return positions | headings
 
     def render(self, shot: Shot, frames: list[int]) -> Iterator[Picture]:
         """Draw frames one by one."""

@@ -19,11 +19,11 @@ from pe_runtime.contract.messages import (
     PROTOCOL,
     REQUESTS,
     Message,
-    ModelFacts,
     failure,
     read_message,
     write_message,
 )
+from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
 from pe_runtime.contract.shot_track import Box
 from pe_runtime.contract.shot_values import read_row
@@ -49,7 +49,7 @@ class World(Protocol):
         """State of a picture, uint8 (height, width, 3), as JSON values."""
 
     def rollout(self, shot: Shot) -> dict[str, np.ndarray]:
-        """Predicted positions (frames, 3) float64 of every playable object."""
+        """Predicted paths as the buffers of the reply to ``rollout``."""
 
     def render(self, shot: Shot, frames: list[int]) -> Iterator[Picture]:
         """Draw frames of the shot one by one."""

@@ -12,6 +12,7 @@ from blender_addon.bake import bake_of  # noqa: E402
 from blender_addon.fcurves import curves_of  # noqa: E402
 from blender_addon.pictures import read_picture  # noqa: E402
 from blender_addon.scene_bridge import (  # noqa: E402
+    action_names,
     look_through,
     playable_objects,
     read_camera,
@@ -143,7 +144,7 @@ def test_actions_carry_the_models_names_and_unknown_ones_are_refused(environment
     target = empty(environment)
     target.playable.action = "A5"
     items = target.playable.bl_rna.properties["action"]
-    assert playables.action_names(target)[5] == "raise_arm" and items.type == "ENUM"
+    assert action_names(target)[5] == "raise_arm" and items.type == "ENUM"
     with pytest.raises(ShotError, match=r"actions 0 to 5 \(idle, left"):
         playables.key_action(target, 1, 6)
     with pytest.raises(ShotError, match="not playable"):
@@ -157,11 +158,12 @@ def test_baking_keys_the_predicted_paths_as_straight_segments(environment, addon
     bake = bake_of(environment.playable_environment)
     expected = addon.rollout(bake.shot)
     for name in BOXES:
-        np.testing.assert_array_equal(bake.paths[name], expected[name])
+        np.testing.assert_array_equal(bake.paths[name], expected.positions[name])
         for axis in range(3):
             points = curve(empty(environment, name), "location", axis).keyframe_points
             assert {p.interpolation for p in points} == {"LINEAR"}
-            np.testing.assert_allclose([p.co[1] for p in points], expected[name][:, axis], 1e-6)
+            path = expected.positions[name]
+            np.testing.assert_allclose([p.co[1] for p in points], path[:, axis], 1e-6)
     moved = np.ptp(bake.paths["player_1"], axis=0)
     assert moved[0] > 0.1 and np.ptp(bake.paths["player_2"], axis=0).max() == 0.0
 

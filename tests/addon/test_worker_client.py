@@ -47,11 +47,19 @@ def test_a_worker_loads_encodes_predicts_and_draws(started, picture):
     state = client.encode(picture_of(), front_camera(), BOXES)
     assert state["objects"]["player_1"]["position"][2] == pytest.approx(0.0, abs=1e-9)
     paths = client.rollout(shot_of(picture))
-    assert paths["player_2"].shape == (4, 3)
+    assert paths.positions["player_2"].shape == (4, 3) and not paths.headings
     frame = client.render(shot_of(picture), 2)
     assert (frame.number, frame.rgb.shape, frame.rgb.dtype) == (2, (HEIGHT, WIDTH, 3), np.uint8)
     assert frame.depth.shape == (HEIGHT, WIDTH) and np.isinf(frame.depth).any()
     assert list(frame.masks) == ["player_1"]
+
+
+def test_headings_are_told_apart_from_positions(started, picture):
+    client = started(FAKE)
+    assert client.load("turning").turning_names == ("player_1", "player_2")
+    paths = client.rollout(shot_of(picture, model="turning"))
+    assert set(paths.positions) == set(paths.headings) == set(BOXES)
+    assert paths.headings["player_1"].shape == (4,)
 
 
 def test_stop_ends_the_process_by_itself(started):
@@ -121,7 +129,7 @@ def test_an_interrupted_request_does_not_answer_the_next_one(started, picture):
     client.load("fake")
     with pytest.raises(KeyboardInterrupt):
         client.render(shot_of(picture), 1, should_stop=interrupted)
-    assert client.rollout(shot_of(picture))["player_1"].shape == (4, 3)
+    assert client.rollout(shot_of(picture)).positions["player_1"].shape == (4, 3)
 
 
 def test_long_chatter_on_stderr_neither_blocks_nor_piles_up(started):

@@ -13,7 +13,6 @@ from pe_runtime.contract.messages import (
     REQUESTS,
     TERMINAL,
     Message,
-    ModelFacts,
     failure,
     read_message,
     write_message,
@@ -144,20 +143,6 @@ def test_a_message_that_cannot_be_written_leaves_nothing_on_the_wire():
 def test_every_terminal_type_is_a_reply_and_no_word_means_both():
     assert set(REPLIES) >= TERMINAL
     assert not set(REPLIES) & set(REQUESTS)
-
-
-def test_model_facts_come_back_from_a_message():
-    facts = ModelFacts("duel", {"b": ("idle", "left"), "a": ("idle",)}, 5.0, 256, 144)
-    back = ModelFacts.from_fields(
-        read_message(io.BytesIO(sent(Message("ready", facts.as_fields())))).fields
-    )
-    assert back == facts
-    assert back.playable_names == ("b", "a")
-
-
-def test_missing_model_facts_are_a_clear_error():
-    with pytest.raises(WorkerError, match="steps_per_second"):
-        ModelFacts.from_fields({"name": "x", "playable_names": [], "action_names": {}})
 
 
 def test_a_failure_names_its_kind_and_message():

@@ -32,6 +32,7 @@ def shot(**changes):
                 locations=((0.1, 0.2, 0.0),) * 3,
                 visible=(True, False, True),
                 styles=(StyleMix(2, None, "player_2", 0.25),),
+                headings=(0.5, -3.0, 7.0),
             ),
         ),
         "passes": ("depth", "mask:player_1"),
@@ -65,6 +66,13 @@ def test_equal_shots_have_equal_digests_and_other_shots_do_not():
     assert shot().digest() == Shot.from_json(shot().to_json()).digest()
     assert shot().digest() != shot(fps=25.0).digest()
     assert shot().digest() != shot(cameras=(camera(), camera(), camera(1e-9))).digest()
+
+
+def test_a_shot_without_headings_is_the_document_it_was_before_there_were_any():
+    plain = shot(objects=(ObjectTrack("player_1", ((1, 2),)),))
+    assert "headings" not in plain.to_json()
+    turned = shot(objects=(ObjectTrack("player_1", ((1, 2),), headings=(0.0,) * 3),))
+    assert turned.digest() != plain.digest()
 
 
 def test_the_digest_does_not_depend_on_the_order_of_keys():
@@ -150,6 +158,9 @@ def test_an_unknown_key_inside_an_object_is_refused_with_its_place():
         ({"objects": [{"name": "a", "locations": [[0, 0, 0]] * 2}]}, "locations"),
         ({"objects": [{"name": "a", "locations": [[0, 0]] * 3}]}, "locations"),
         ({"objects": [{"name": "a", "locations": [[0, 0, float("inf")]] * 3}]}, "locations"),
+        ({"objects": [{"name": "a", "headings": [0.0, 1.0]}]}, "headings"),
+        ({"objects": [{"name": "a", "headings": [0.0, 1.0, float("nan")]}]}, "headings"),
+        ({"objects": [{"name": "a", "headings": 1.0}]}, "headings"),
         ({"objects": [{"name": "a", "styles": [{"frame": 1}]}]}, "styles"),
     ],
     ids=str,

@@ -1,0 +1,112 @@
+"""Predicted paths as keys on the playable Empties: LINEAR, one for every frame.
+
+What cannot act by itself is left to the artist: its location and rotation are never keyed here.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import bpy
+import numpy as np
+
+from pe_runtime.contract.errors import ShotError
+from pe_runtime.contract.shot import Shot
+
+from .bake import Bake
+from .fcurves import own_curves, write_curve
+from .playables import write_text
+from .scene_bridge import Moment, action_names, playable_objects
+from .worker_client import PredictedPaths
+
+UPRIGHT_TOLERANCE = 1e-4
+NOT_EULER = ("QUATERNION", "AXIS_ANGLE")
+Channels = dict[tuple[str, int], np.ndarray]
+
+
+def write_bake(
+    scene: bpy.types.Scene, shot: Shot, predicted: PredictedPaths, moments: Sequence[Moment]
+) -> None:
+    """Key predicted paths on the Empties and remember the shot they belong to; main thread only.
+
+    Args:
+        scene: The scene that the shot was sampled from.
+        shot: The shot that was rolled out.
+        predicted: What the worker answered.
+        moments: The sampled frames of the shot.
+
+    Raises:
+        ShotError: A path is missing or too short, or an Empty cannot take it.
+    """
+    objects = playable_objects(scene)
+    frames = np.arange(shot.frame_start, shot.frame_end + 1, dtype=np.float64)
+    paths = {name: _checked(name, predicted.positions, (len(frames), 3)) for name in objects}
+    headings = {
+        name: _checked(name, predicted.headings, (len(frames),))
+        for name in objects
+        if name in predicted.headings
+    }
+    # All of them first: an Empty that cannot take its path leaves the others as they were.
+    channels = {
+        name: _channels(each, paths[name], headings.get(name), _local_spaces(each, scene, moments))
+        for name, each in objects.items()
+        if action_names(each)
+    }
+    for name, values in channels.items():
+        curves = own_curves(objects[name])
+        for (data_path, index), each in values.items():
+            write_curve(curves, data_path, index, frames, each)
+    settings = scene.playable_environment
+    bake = Bake(shot, paths, headings)
+    settings.bake_text = write_text(settings.bake_text, f"{scene.name} bake", bake.to_json())
+    scene.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+
+
+def _checked(name: str, found: Mapping[str, np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
+    values = np.asarray(found.get(name, ()), np.float64)
+    if values.shape != shape or not np.isfinite(values).all():
+        what = "positions" if len(shape) == 2 else "headings"
+        raise ShotError(
+            f"expected {shape[0]} finite {what} for {name!r} from the worker, found an array of "
+            f"shape {values.shape}; use an add-on and a runtime of the same version"
+        )
+    return values
+
+
+def _local_spaces(
+    each: bpy.types.Object, scene: bpy.types.Scene, moments: Sequence[Moment]
+) -> np.ndarray:
+    """(frames, 4, 4) from environment space to that of the object's own channels."""
+    if each.parent is not None and each.parent == scene.playable_environment.root:
+        local_from_environment = np.linalg.inv(np.array(each.matrix_parent_inverse))
+        return np.repeat(local_from_environment[None], len(moments), axis=0)
+    if each.parent is None:
+        return np.stack([moment.world_from_environment for moment in moments])
+    raise ShotError(
+        f"{each.name!r} is parented to {each.parent.name!r}; parent it to the environment root "
+        "or to nothing, so that its path can be keyed"
+    )
+
+
+def _channels(
+    each: bpy.types.Object, path: np.ndarray, headings: np.ndarray | None, local: np.ndarray
+) -> Channels:
+    """Key values per channel: locations, and the turn about z where it is predicted."""
+    points = np.concatenate([path, np.ones((len(path), 1))], axis=1)
+    points = np.einsum("fij,fj->fi", local, points)
+    channels: Channels = {("location", axis): points[:, axis] for axis in range(3)}
+    if headings is None:
+        return channels
+    if each.rotation_mode in NOT_EULER:
+        raise ShotError(
+            f"{each.name!r} turns by {each.rotation_mode.lower().replace('_', ' ')}s, but headings "
+            "are keyed as Euler angles; set its rotation mode to XYZ Euler"
+        )
+    up = local[:, 2, 2] / np.linalg.norm(local[:, :3, 2], axis=1)
+    if (up < 1.0 - UPRIGHT_TOLERANCE).any():
+        raise ShotError(
+            f"{each.name!r} stands in a space that is tilted against the environment, so that its "
+            "heading is no turn about its own z; parent it to the environment root"
+        )
+    turns = headings + np.arctan2(local[:, 1, 0], local[:, 0, 0])
+    channels["rotation_euler", 2] = np.unwrap(turns, period=math.tau)
+    return channels

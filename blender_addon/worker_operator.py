@@ -1,0 +1,98 @@
+"""Operators that wait for the worker: blocking without a window, in a thread with one."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import bpy
+
+from pe_runtime.contract.errors import PlayableEnvironmentError
+
+from .background import BackgroundCall, Work
+from .worker_client import WorkerCancelledError
+
+TICK_SECONDS = 0.1
+Result = set[str]
+
+
+@dataclass(frozen=True)
+class Task:
+    """An operator's job in two halves.
+
+    Attributes:
+        work: Talks to the worker; may run in a thread and touches no Blender data.
+        finish: Takes its result into Blender on the main thread and says what was done.
+    """
+
+    work: Work
+    finish: Callable[[object], str]
+
+
+class WorkerOperator:
+    """Runs a Task: blocking when executed, with progress and Esc when invoked in a window."""
+
+    def task(self, context: bpy.types.Context) -> Task:
+        """Read the context and say what there is to do."""
+        raise NotImplementedError
+
+    def execute(self, context: bpy.types.Context) -> Result:
+        try:
+            task = self.task(context)
+            result = task.work(lambda: False, lambda *_: None)
+            self.report({"INFO"}, task.finish(result))
+        except PlayableEnvironmentError as error:
+            return failed(self, error)
+        return {"FINISHED"}
+
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
+        try:
+            self._task = self.task(context)
+        except PlayableEnvironmentError as error:
+            return failed(self, error)
+        self._call = BackgroundCall(self._task.work)
+        start_modal(self, context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        if event.type == "ESC":
+            self._call.cancel()
+        if event.type != "TIMER":
+            return {"RUNNING_MODAL"}
+        show_progress(context, f"{self.bl_label}: {self._call.stage}", self._call.progress)
+        if not self._call.done:
+            return {"RUNNING_MODAL"}
+        end_modal(self, context)
+        try:
+            self.report({"INFO"}, self._task.finish(self._call.result()))
+        except WorkerCancelledError:
+            self.report({"WARNING"}, f"{self.bl_label} was cancelled")
+            return {"CANCELLED"}
+        except PlayableEnvironmentError as error:
+            return failed(self, error)
+        return {"FINISHED"}
+
+
+def failed(operator: bpy.types.Operator, error: Exception) -> Result:
+    """Say what went wrong and give up."""
+    operator.report({"ERROR"}, str(error))
+    return {"CANCELLED"}
+
+
+def start_modal(operator: bpy.types.Operator, context: bpy.types.Context) -> None:
+    """Have the operator called at every tick, with a progress beside the pointer."""
+    manager = context.window_manager
+    manager.progress_begin(0, 100)
+    operator._timer = manager.event_timer_add(TICK_SECONDS, window=context.window)
+    manager.modal_handler_add(operator)
+
+
+def end_modal(operator: bpy.types.Operator, context: bpy.types.Context) -> None:
+    """Undo `start_modal`."""
+    context.window_manager.event_timer_remove(operator._timer)
+    context.window_manager.progress_end()
+    context.workspace.status_text_set(None)
+
+
+def show_progress(context: bpy.types.Context, text: str, share: float) -> None:
+    """Show what is being done and how much of it is, in [0, 1]."""
+    context.window_manager.progress_update(int(100 * share))
+    context.workspace.status_text_set(f"{text} · {share:.0%} · Esc to stop")
