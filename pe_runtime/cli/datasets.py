@@ -134,7 +134,7 @@ def import_official(
     if done.damaged:
         split, first = done.damaged[0]
         raise EpisodeError(
-            f"{len(done.damaged)} sequence(s) of {root} could not be imported, the first is "
+            f"{len(done.damaged)} sequence(s) of {root} could not be imported whole, the first is "
             f"{split}{'/' if split else ''}{first.sequence}: {first.reason}"
         )
 

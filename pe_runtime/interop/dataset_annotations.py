@@ -36,6 +36,7 @@ class Annotations:
         extras: The pickles of EXTRAS as they are.
         defaulted: Names of pickles that are missing and can be done without.
         notes: What else was left aside, and why.
+        unreadable: Why extras are missing that are there.
     """
 
     angles: np.ndarray
@@ -48,6 +49,7 @@ class Annotations:
     extras: Mapping[str, Any]
     defaulted: tuple[str, ...]
     notes: tuple[str, ...]
+    unreadable: tuple[str, ...]
 
     @property
     def present(self) -> np.ndarray:
@@ -74,6 +76,7 @@ def read_annotations(folder: Path, frames: int) -> Annotations:
     valid = _validity(folder, boxes)
     _check_normalised(folder, boxes[valid])
     positions, useless = _positions(folder, frames, players)
+    extras, unreadable = _extras(folder)
     return Annotations(
         np.stack([each.rotation for each in cameras]),
         np.stack([each.translation for each in cameras]),
@@ -82,9 +85,10 @@ def read_annotations(folder: Path, frames: int) -> Annotations:
         valid,
         _actions(folder, frames),
         positions,
-        _extras(folder),
+        extras,
         tuple(name for name in _DEFAULTED if not (folder / f"{name}.pkl").is_file()),
         () if useless is None else (useless,),
+        unreadable,
     )
 
 
@@ -227,6 +231,13 @@ def _translations(found: object) -> np.ndarray:
     return np.array([each.translation for each in found]).reshape(-1, 3)
 
 
-def _extras(folder: Path) -> dict[str, Any]:
-    files = {name: folder / f"{name}.pkl" for name in EXTRAS}
-    return {name: read_pickle(file) for name, file in files.items() if file.is_file()}
+def _extras(folder: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """What is kept for people to read, and why some of it is not: no reason to lose a sequence."""
+    extras, unreadable = {}, []
+    for name in EXTRAS:
+        file = folder / f"{name}.pkl"
+        try:
+            extras |= {name: read_pickle(file)} if file.is_file() else {}
+        except EpisodeError as error:
+            unreadable.append(str(error))
+    return extras, tuple(unreadable)

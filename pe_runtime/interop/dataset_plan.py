@@ -75,6 +75,7 @@ class Source:
         located: Whether it tells where its players are.
         defaulted: Pickles it does without.
         notes: What is left aside of its pickles, and why.
+        unreadable: Why some of what is kept for people to read is not.
         unread: Names of files that are not imported.
     """
 
@@ -88,6 +89,7 @@ class Source:
     located: bool
     defaulted: tuple[str, ...]
     notes: tuple[str, ...]
+    unreadable: tuple[str, ...]
     unread: frozenset[str]
 
 
@@ -226,6 +228,7 @@ def _survey(folder: Path) -> Source | Skipped:
         first.positions is not None,
         tuple(dict.fromkeys(name for view in views for name in view.defaulted)),
         tuple(dict.fromkeys(note for view in views for note in view.notes)),
+        tuple(reason for view in views for reason in view.unreadable),
         frozenset().union(*(unread_names(each, picture_paths(each)) for each in cameras)),
     )
 
@@ -257,6 +260,7 @@ def _plan_split(
             usable.append(each)
         else:
             skipped.append(Skipped(each.name, reason, damaged))
+    skipped += [Skipped(s.name, _without(why), True) for s in usable for why in s.unreadable]
     skipped.sort(key=lambda each: each.sequence)
     if not usable:
         raise EpisodeError(_nothing_usable(root / name, skipped))
@@ -272,6 +276,10 @@ def _misfit(source: Source, world: World, shape: tuple[int, int] | None) -> str 
     if source.shape != shape:
         return f"it has {_told(source.shape)}, most have {_told(shape)}"
     return None
+
+
+def _without(reason: str) -> str:
+    return f"imported without an annotation that the program has no use for: {reason}"
 
 
 def _told(shape: tuple[int, int] | None) -> str:
@@ -301,7 +309,7 @@ def _check_nothing_skipped(splits: Sequence[SplitPlan]) -> None:
     if skipped:
         name, first = skipped[0]
         raise EpisodeError(
-            f"{len(skipped)} sequence(s) cannot be imported, the first is "
+            f"{len(skipped)} sequence(s) cannot be imported whole, the first is "
             f"{name}{'/' if name else ''}{first.sequence}: {first.reason}; without --strict the "
             "others are"
         )

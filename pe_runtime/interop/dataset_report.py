@@ -118,7 +118,7 @@ def report_split(
     return SplitReport(
         split=split.name,
         folder=folder,
-        sequences=len(sources) + len(split.skipped),
+        sequences=len({each.name for each in sources} | {s.sequence for s in split.skipped}),
         imported=sum(each.name not in lost for each in sources),
         episodes=counts[0],
         kept=counts[1],

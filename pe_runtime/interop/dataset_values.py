@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 MOST_AXES = 8
+LARGEST_TENSOR = 4096
 
 
 class RefusedError(ValueError):
@@ -138,9 +139,9 @@ def _tensor(
     shape, strides, (offset,) = _sizes(shape), _sizes(strides), _sizes((offset,))
     if not isinstance(storage, np.ndarray) or len(strides) != len(shape):
         raise ValueError("a tensor without numbers")
-    # No more numbers than there are: strides of 0 would make much of little.
-    if not 0 < math.prod(shape) <= storage.size:
-        raise ValueError("a tensor that is empty or larger than its storage")
+    # Strides of 0 make much of little; poses have three numbers.
+    if not 0 < math.prod(shape) <= LARGEST_TENSOR:
+        raise ValueError(f"a tensor of {math.prod(shape)} numbers, where poses have 3")
     places = np.full((), offset, np.int64)
     for size, stride in zip(shape, strides, strict=True):
         places = places[..., None] + np.arange(size, dtype=np.int64) * stride

@@ -67,8 +67,7 @@ def unpickle(content: bytes) -> Any:  # noqa: ANN401 whatever data the file hold
 
     Raises:
         RefusedError: It asks for anything but data.
-        ValueError, IndexError, KeyError, TypeError
-        OverflowError: It is damaged.
+        ValueError, IndexError, KeyError, TypeError, OverflowError: It is damaged.
     """
     constructors = dict(CONSTRUCTORS)
     constructors["torch.storage", "_load_from_bytes"] = Constructor("a tensor's numbers", _storage)

@@ -49,9 +49,8 @@ BREAKAGES = {
     "no first frame": (lambda s: (s / "00000/00000.png").unlink(), "picture 00000 is missing"),
     "no cameras": (lambda s: (s / "00000/cameras.pkl").unlink(), "cameras.pkl is missing"),
     "a truncated pickle": (shorten("focals"), "focals.pkl is damaged"),
-    "a truncated extra": (shorten("metadata"), "metadata.pkl is damaged"),
     "a pickle that calls": (
-        write("rewards", dumps(Spy(os.system, "touch touched"))), r"asks for \w+\.system",
+        write("actions", dumps(Spy(os.system, "touch touched"))), r"asks for \w+\.system",
     ),
     "too few entries": (write("focals", dumps([9.0] * 4)), "4 entries for 5 pictures"),
     "no list": (write("cameras", dumps(7)), "holds int; expected a list"),
@@ -103,14 +102,31 @@ def test_a_broken_sequence_is_left_out_with_its_reason(tmp_path, monkeypatch, ca
 def test_sequences_of_other_players_or_cameras_than_most_are_left_out(tmp_path):
     write_split(tmp_path / "in", count=3)
     threes = {"bounding_boxes": [np.zeros((4, 3))] * 5, "bounding_box_validity": [np.ones(3)] * 5}
-    write_sequence(tmp_path / "in" / "three", **threes)
+    write_sequence(tmp_path / "in" / "0", **threes)
     write_sequence(tmp_path / "in" / "two", views=2)
     split, _ = imported(tmp_path / "in", tmp_path / "out")
     reasons = {each.sequence: each.reason for each in split.skipped}
-    assert set(reasons) == {"three", "two"}
-    assert "1 camera(s) and 3 player(s), most have 1 camera(s) and 2" in reasons["three"]
+    assert set(reasons) == {"0", "two"}
+    assert "1 camera(s) and 3 player(s), most have 1 camera(s) and 2" in reasons["0"]
     assert "2 camera(s) and 2 player(s)" in reasons["two"]
     assert (split.sequences, split.imported) == (5, 3)
+
+
+def test_what_is_only_kept_to_be_read_costs_no_sequence_but_is_no_less_an_error(tmp_path):
+    write_split(tmp_path / "in", count=2)
+    write("rewards", dumps(Spy(os.system, "touch touched")))(tmp_path / "in" / "00000")
+    shorten("metadata")(tmp_path / "in" / "00001")
+    split, episodes = imported(tmp_path / "in", tmp_path / "out")
+    assert (split.sequences, split.imported, split.episodes) == (2, 2, 2)
+    assert ["rewards" in each.metadata for each in episodes] == [False, True]
+    assert ["metadata" in each.metadata for each in episodes] == [True, False]
+    first, second = split.skipped
+    assert "rewards.pkl asks for" in first.reason
+    assert "metadata.pkl is damaged" in second.reason
+    assert first.damaged and second.damaged
+    with pytest.raises(EpisodeError, match="00000: imported without an annotation"):
+        imported(tmp_path / "in", tmp_path / "strict", strict=True)
+    assert not (tmp_path / "strict").exists()
 
 
 def test_a_folder_that_is_no_data_set_is_one_clear_error(tmp_path):

@@ -17,7 +17,7 @@ from interop.official_folders import (
 from pe_runtime.contract.camera import project
 from pe_runtime.contract.episode import read_dataset, read_episode
 from pe_runtime.dataset import load_clips
-from pe_runtime.images import read_image
+from pe_runtime.images import is_rgb_png, read_image
 from pe_runtime.interop.dataset_pictures import resized
 from pe_runtime.interop.official_dataset import import_dataset
 
@@ -105,6 +105,23 @@ def test_other_formats_are_found_and_written_as_png(tmp_path):
         assert (read_image(episode.frame_path(0, frame)) == wanted[frame]).all()
 
 
+def test_pictures_of_other_depths_and_grey_ones_become_8_bit_colour(tmp_path):
+    sequence = write_sequence(tmp_path / "in" / "00000") / "00000"
+    deep = np.random.default_rng(0).integers(0, 65536, (36, 64, 3), dtype=np.uint16)
+    cv2.imwrite(str(sequence / "00001.png"), deep)
+    cv2.imwrite(str(sequence / "00002.png"), (deep[..., 0] // 256).astype(np.uint8))
+    _, (episode,) = imported(tmp_path / "in", tmp_path / "out")
+    for frame in (1, 2):
+        assert is_rgb_png(episode.frame_path(0, frame), SIZE)
+        wanted = read_image(sequence / f"{frame:05d}.png")
+        np.testing.assert_allclose(
+            read_image(episode.frame_path(0, frame)), wanted, atol=0.51 / 255
+        )
+    assert not is_rgb_png(sequence / "00001.png", SIZE)
+    assert not is_rgb_png(sequence / "00000.png", (64, 35))
+    assert not is_rgb_png(sequence / "focals.pkl", SIZE)
+
+
 def test_resizing_averages_like_a_loop_over_pixels():
     picture = np.random.default_rng(1).random((9, 14, 3)).astype(np.float32)
     for width, height in ((7, 5), (14, 4), (20, 30), (1, 1)):
@@ -143,6 +160,14 @@ def test_invalid_and_senseless_boxes_are_absent_and_the_latter_counted(tmp_path)
     assert split.lost_boxes == 4
 
 
+def test_a_box_as_large_as_no_number_of_ours_is_absent(tmp_path):
+    boxes = annotations()["bounding_boxes"]
+    boxes[1][2, 0] = 1e300
+    split, episode = one(tmp_path, bounding_boxes=boxes)
+    assert episode.arrays.present[0, :, 0].tolist() == [True, False, True, True, True]
+    assert split.lost_boxes == 1
+
+
 def test_an_unseen_player_is_between_the_places_before_and_after(tmp_path):
     validity = [np.array(v) for v in ([1, 0], [0, 0], [1, 0], [1, 0], [0, 0])]
     _, episode = one(tmp_path, bounding_box_validity=validity)
@@ -164,6 +189,9 @@ def test_object_poses_tell_positions(tmp_path, world):
     between = OURS[world]((places[1, 1] + places[3, 1]) / 2)
     np.testing.assert_allclose(episode.arrays.positions[2, 1], between, atol=1e-5)
     assert split.positions == "object_poses.pkl"
+    options = {"skip": 2}
+    _, episode = one(tmp_path / "skip", world=world, object_poses=poses, options=options)
+    np.testing.assert_allclose(episode.arrays.positions, OURS[world](places)[::3], atol=1e-5)
 
 
 def test_poses_of_other_objects_than_the_boxes_are_left_aside(tmp_path):
@@ -248,6 +276,7 @@ def test_skipped_frames_lower_the_rate(tmp_path):
     ("lengths", "wanted", "made", "left", "short"),
     [
         ((5, 5), None, [5, 5], 0, 0),
+        ((20, 20), None, [20, 20], 0, 0),
         ((40, 33, 7), None, [16] * 4, 9, 1),
         ((5, 8, 1), None, [5, 5], 3, 1),
         ((9, 9), 4, [4] * 4, 2, 0),

@@ -172,6 +172,12 @@ ATTACKS = {
         reconstructed(np.ma.MaskedArray, (0,), b"b"),
         "MaskedArray",
     ),
+    "an array of no class": (
+        pickle.dumps(np.zeros(0), 4).replace(
+            b"\x8c\x05numpy\x94\x8c\x07ndarray\x94\x93\x94", b"K\x01", 1
+        ),
+        "no plain numpy array",
+    ),
     "an array called directly": (called(np.ndarray, (3,), np.dtype("f8")), "no release of numpy"),
     "a call of a number": (b"\x80\x02K\x01)R.", "no constructor"),
     "a call of text": (b"\x80\x02X\x04\x00\x00\x00evalX\x01\x00\x00\x001\x85R.", "no constructor"),
@@ -279,6 +285,8 @@ MISSHAPEN = {
     "a key that is a tower of tuples": key_of_tuples(200_000),
     "a set of lists": b"\x80\x04\x8f(]\x90.",
     "a list that is appended to a number": b"K\x01K\x02a.",
+    "a tensor that makes much of little": pickle.dumps(torch.zeros(1).expand(10**9)),
+    "a tensor beyond its numbers": pickle.dumps(torch.zeros(3)).replace(b"K\x03\x85", b"K\x09\x85"),
     "a tensor shorter than it says": tensor_of(2**40, 3),
 }
 
