@@ -119,13 +119,13 @@ def test_a_player_without_predicted_heading_turns_with_its_empty_all_the_same(sc
     assert shot_now(scene, 2).track("player_1").headings is None
 
 
-def test_a_whole_turn_more_is_the_same_heading(scene, turned):
-    target = turned["player_1"]
-    curve = curves_of(target).find("rotation_euler", index=2)
-    for point in curve.keyframe_points:
-        point.co[1] += math.tau
-    curve.update()
-    assert shot_now(scene, 4).track("player_1").headings is None
+def test_headings_beyond_half_a_turn_are_keyed_on_and_not_taken_for_a_turn_by_hand(scene, turned):
+    scene.frame_end = 40
+    bpy.ops.playable.bake_paths()
+    keys = rotation_keys(turned["player_1"])
+    assert keys[-1] > math.tau and np.diff(keys) == pytest.approx([0.2] * 39, abs=1e-5)
+    for frame in (20, 40):
+        assert shot_now(scene, frame).track("player_1").headings is None
 
 
 def test_a_camera_moved_after_baking_keeps_the_baked_headings(scene, turned):
