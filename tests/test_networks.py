@@ -17,8 +17,8 @@ from small_world import (
 
 from pe_runtime.geometry.cameras import Cameras, ray_directions
 from pe_runtime.networks import SynthesisNetworks
-from pe_runtime.rendering.scene import RenderSettings
 from pe_runtime.rendering.sampling import grid_pixels
+from pe_runtime.rendering.scene import RenderSettings
 
 SETTINGS = RenderSettings(bucket=16)
 PLACES = [(-0.7, 0.1, 0.0), (0.8, -0.2, 0.0)]
