@@ -66,7 +66,9 @@ def read_bake(text: str, where: str) -> Bake:
         content = json.loads(text)
         stored, digest = content["shot"], content["digest"]
         paths = {name: np.array(path, np.float64) for name, path in content["paths"].items()}
-        headings = {n: np.array(each, np.float64) for n, each in content["headings"].items()}
+        # Bakes from before there were headings have none.
+        headings = content.get("headings", {}).items()
+        headings = {name: np.array(each, np.float64) for name, each in headings}
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise ShotError(f"{where!r} is no bake ({error!r}); {BAKE_AGAIN}") from error
     shot = Shot.from_dict(stored, where)

@@ -19,7 +19,7 @@ from pe_runtime.contract.shot import Start
 from .fcurves import make_stepped, own_curves, remove_curves
 from .pixels import use_exact_colours
 from .scene_bridge import action_names, playable_objects
-from .settings import ACTION_LIMIT, SCHEMA
+from .settings import SCHEMA
 from .volumes import height_of, show_volumes
 
 ACTION_PATH = "playable.action"
@@ -154,7 +154,7 @@ def _place_empties(
 
 def _teach_actions(each: bpy.types.Object, name: str, facts: ModelFacts) -> None:
     """Give an Empty the model's actions; until it has keys, it does what nobody has to tell it."""
-    names = json.dumps(facts.action_names[name][:ACTION_LIMIT])
+    names = json.dumps(facts.action_names[name])
     if each.playable.action_names != names:
         each.playable.action_names = names
         each.playable.action = f"A{facts.resting_actions.get(name, 0)}"

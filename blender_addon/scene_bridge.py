@@ -284,12 +284,14 @@ def action_names(target: bpy.types.Object) -> list[str]:
 
 
 def _action_index(each: bpy.types.Object) -> int | None:
-    if not action_names(each):
+    names = action_names(each)
+    if not names:
         return None
     identifier = each.playable.action
     if not identifier:
         raise ShotError(
-            f"{each.name!r} has an action key outside the sixteen actions; delete that key"
+            f"{each.name!r} has an action key beyond the model's {len(names)} actions "
+            f"({', '.join(names)}); delete that key"
         )
     return int(identifier.removeprefix("A"))
 

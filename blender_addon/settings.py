@@ -1,8 +1,8 @@
 """What the add-on stores in a .blend file and in Blender's preferences.
 
 A scene carries one environment; an Empty with `playable.is_playable` stands for one of its
-objects. Actions are an enum of sixteen fixed numbers: a key stores the number, so the numbers
-never change their meaning, while the labels come from the model.
+objects. Actions are an enum of fixed numbers: a key stores the number, so the numbers never change
+their meaning, while how many there are and their labels come from the model.
 """
 
 import json
@@ -28,7 +28,8 @@ from pe_runtime.contract.model_facts import ModelFacts
 from . import session
 
 SCHEMA = 1
-ACTION_LIMIT = 16
+UNNAMED_ACTIONS = 16
+"""Actions that are offered where no model has named any."""
 QUALITIES = (
     ("exact", "Exact", "Nothing is approximated"),
     ("balanced", "Balanced", "Faster, hardly visible differences"),
@@ -38,11 +39,11 @@ QUALITIES = (
 
 @lru_cache(maxsize=64)
 def action_items(names_json: str) -> tuple[tuple[str, str, str, int], ...]:
-    """Sixteen enum items with fixed numbers, labelled by a JSON list of the model's names."""
+    """Enum items with fixed numbers, one for each of a JSON list of the model's names."""
     # Cached for its references too: Blender does not keep the strings of dynamic items alive.
     names = json.loads(names_json) if names_json else []
-    labels = [*(name.replace("_", " ").capitalize() for name in names[:ACTION_LIMIT])]
-    labels += [f"Action {number}" for number in range(len(labels), ACTION_LIMIT)]
+    labels = [name.replace("_", " ").capitalize() for name in names]
+    labels = labels or [f"Action {number}" for number in range(UNNAMED_ACTIONS)]
     return tuple(
         (f"A{number}", label, f"Action {number} of the model", number)
         for number, label in enumerate(labels)

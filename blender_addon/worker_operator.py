@@ -87,9 +87,14 @@ def start_modal(operator: bpy.types.Operator, context: bpy.types.Context) -> Non
 
 def end_modal(operator: bpy.types.Operator, context: bpy.types.Context) -> None:
     """Undo `start_modal`."""
-    context.window_manager.event_timer_remove(operator._timer)
-    context.window_manager.progress_end()
+    manager = context.window_manager
+    manager.event_timer_remove(operator._timer)
+    manager.progress_end()
     context.workspace.status_text_set(None)
+    # Blender redraws what an operator changed in the scene, but not what panels say of the worker.
+    for area in (area for window in manager.windows for area in window.screen.areas):
+        if area.type == "VIEW_3D":
+            area.tag_redraw()
 
 
 def show_progress(context: bpy.types.Context, text: str, share: float) -> None:

@@ -88,6 +88,17 @@ def test_headings_survive_saving_and_loading(scene, turned, tmp_path):
     assert shot_now(again, 3).digest() == shot.digest()
 
 
+def test_a_bake_from_before_there_were_headings_is_still_read(scene, picture):
+    opened(scene, picture, "fake")
+    bpy.ops.playable.bake_paths()
+    text = scene.playable_environment.bake_text
+    content = json.loads(text.as_string())
+    del content["headings"]
+    text.clear()
+    text.write(json.dumps(content))
+    assert shot_now(scene, 2).track("player_1").headings is None
+
+
 def test_untouched_headings_are_left_to_the_model(scene, turned):
     assert shot_now(scene, 4).digest() == bake_of(scene.playable_environment).shot.digest()
 

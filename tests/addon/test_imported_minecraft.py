@@ -62,7 +62,7 @@ def environment(model):
 
 
 @pytest.fixture(scope="module")
-def scene(model):
+def scene(model, environment):
     """The arena, opened and baked at one step of the model per frame."""
     picture = model.with_name("picture.png")
     noise = np.random.default_rng(1).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
@@ -71,7 +71,8 @@ def scene(model):
     blender_addon.register()
     session.use_command(worker_command(sys.executable))
     made = bpy.data.scenes[0]
-    made.frame_start, made.frame_end, made.render.fps = 1, FRAMES, 4
+    made.frame_start, made.frame_end = 1, FRAMES
+    made.render.fps = round(environment.steps_per_second)
     holder = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     made.collection.objects.link(holder)
     made.camera = holder
@@ -108,7 +109,7 @@ def test_the_players_of_one_class_stand_in_the_arena_with_their_actions(scene, e
         assert tuple(each.location) == pytest.approx(FEET[name], abs=2e-3)
         assert tuple(action_names(each)) == environment.action_names[name]
         assert len(action_names(each)) == 7
-    assert scene.playable_environment.steps_per_second == 4.0
+    assert scene.playable_environment.steps_per_second == environment.steps_per_second
     drawn = {each[VOLUME_KEY] for each in scene.objects if VOLUME_KEY in each}
     assert drawn == {"arena", "player_1", "player_2"}
 

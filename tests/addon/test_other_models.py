@@ -20,6 +20,7 @@ from blender_addon.scene_bridge import (  # noqa: E402
     read_camera,
     sample_range,
 )
+from blender_addon.settings import action_items  # noqa: E402
 from blender_addon.volumes import VOLUME_KEY  # noqa: E402
 from pe_runtime.images import write_png  # noqa: E402
 from pe_runtime.worker.fake_world import GROUND, MODELS, PLAYER  # noqa: E402
@@ -86,6 +87,23 @@ def test_actions_of_another_model_are_taught_and_those_of_the_same_are_kept(scen
     assert opened(scene, picture, "fake")["player_1"].playable.action == "A3"
     assert opened(scene, picture, "turning")["player_1"] == target
     assert target.playable.action == "A5" and action_names(target)[5] == "idle"
+
+
+def test_as_many_actions_are_offered_as_the_model_has(scene, picture):
+    target = opened(scene, picture, "fake")["player_1"]
+    labels = [item[1] for item in action_items(target.playable.action_names)]
+    assert labels == ["Idle", "Left", "Right", "Forward", "Back", "Raise arm"]
+    many = action_items(json.dumps([f"a_{n}" for n in range(40)]))
+    assert [item[3] for item in many] == list(range(40)) and many[39][:2] == ("A39", "A 39")
+    assert len(action_items("")) == len(action_items("[]")) > 0
+
+
+def test_a_key_beyond_the_models_actions_is_refused_with_those_it_has(scene, picture):
+    target = opened(scene, picture, "fake")["player_1"]
+    playables.key_action(target, 1, 5)
+    target.playable.action_names = json.dumps(["idle", "left"])
+    with pytest.raises(RuntimeError, match=r"beyond the model's 2 actions \(idle, left\)"):
+        bpy.ops.playable.bake_paths()
 
 
 def test_the_panel_can_tell_size_pace_and_terms_without_a_worker(scene, addon):
