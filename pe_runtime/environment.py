@@ -18,7 +18,7 @@ from pe_runtime.action.module import ActionModule
 from pe_runtime.action.sequences import PlayerState, StateSequence
 from pe_runtime.admission import check_found, check_picture, check_state
 from pe_runtime.checkpoint import fit, load_checkpoint
-from pe_runtime.config import QUALITIES, ModelConfig, from_dict
+from pe_runtime.config import QUALITIES, ModelConfig, Quality, from_dict
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import CheckpointError, ConfigError
 from pe_runtime.geometry.cameras import Cameras
@@ -41,12 +41,12 @@ class RenderOptions:
     """What a frame is to hold.
 
     Attributes:
-        quality: "exact", "balanced" or "draft"; see `config.QUALITIES`.
+        quality: "exact", "balanced" or "draft" (see `config.QUALITIES`), or switches of one's own.
         depth: Also give planar depth.
         masks: Objects whose share of each pixel is wanted.
     """
 
-    quality: str = "exact"
+    quality: str | Quality = "exact"
     depth: bool = False
     masks: tuple[str, ...] = ()
 
@@ -257,13 +257,10 @@ class PlayableEnvironment:
             ConfigError: Unknown quality or mask, or a state of another model.
         """
         options = options or RenderOptions()
-        if options.quality not in QUALITIES:
-            known = ", ".join(QUALITIES)
-            raise ConfigError(f"no render quality {options.quality!r}; there are: {known}")
+        quality = _switches(options.quality)
         for name in options.masks:
             self.config.class_of(name)
         check_state(self.config, state)
-        quality = QUALITIES[options.quality]
         settings = RenderSettings(
             near=self.config.near,
             weight_threshold=quality.weight_threshold,
@@ -318,6 +315,15 @@ class PlayableEnvironment:
         visible = torch.tensor([state.visible], device=self.device)
         heading = player.heading if state.heading else None
         return Codes(player.position, player.style, player.pose, visible, heading)
+
+
+def _switches(quality: str | Quality) -> Quality:
+    if isinstance(quality, Quality):
+        return quality
+    if quality not in QUALITIES:
+        known = ", ".join(QUALITIES)
+        raise ConfigError(f"no render quality {quality!r}; there are: {known}")
+    return QUALITIES[quality]
 
 
 def find_model(model: str | Path) -> Path:

@@ -47,6 +47,16 @@ class Quality:
     sample_share: float = 1.0
     """Share of the class's samples that are drawn per ray."""
     bfloat16: bool = False
+    """Products in bfloat16 with float32 sums, where the processor multiplies them faster."""
+    occupancy: bool = False
+    """Players are asked only where a coarse look at this very frame found something."""
+    termination: float = 0.0
+    """Samples that less light than this reaches are not evaluated."""
+
+    def __post_init__(self) -> None:
+        shares = (self.weight_threshold, self.termination)
+        demand(0 <= min(shares) <= max(shares) < 1, "quality: thresholds from 0 to below 1")
+        demand(0 < self.sample_share <= 1, "quality: sample_share above 0, up to 1")
 
 
 QUALITIES: Mapping[str, Quality] = types.MappingProxyType(
