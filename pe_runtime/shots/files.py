@@ -2,7 +2,7 @@
 
 import dataclasses
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from pe_runtime.shots.frames import (
     render_frames,
     select_frames,
 )
-from pe_runtime.shots.rollout import World, prepare_shot
+from pe_runtime.shots.rollout import PreparedShot, World, prepare_shot
 
 DIGEST_KEY = "playable_environment_digest"
 
@@ -32,6 +32,22 @@ class RenderReport:
     kept: tuple[int, ...]
     """Frames found on disk with unchanged inputs."""
     seconds: float
+
+
+@dataclass(frozen=True)
+class FramePlan:
+    """Which of the wanted frames a folder lacks, and all that drawing them takes."""
+
+    prepared: PreparedShot
+    folder: Path
+    digests: Mapping[int, str]
+    """Per wanted frame, over everything that decides its pixels."""
+    kept: tuple[int, ...]
+    """Frames found on disk with unchanged inputs."""
+    missing: tuple[int, ...]
+    """Frames to draw."""
+    began: float
+    """When planning began, on the clock of `time.perf_counter`."""
 
 
 def load_shot(path: str | Path) -> Shot:
@@ -88,6 +104,23 @@ def render_shot(
         RenderCancelledError: `should_stop` said so.
         ShotError: The shot cannot be run in this environment.
     """
+    plan = plan_frames(world, shot, output, frames, resume)
+    drawn = render_frames(world, plan.prepared, plan.missing, should_stop=should_stop)
+    for done, (number, frame) in enumerate(drawn, start=len(plan.kept) + 1):
+        write_frame(plan.folder, number, frame, plan.digests[number])
+        if on_progress is not None:
+            on_progress(done, len(plan.digests))
+    return RenderReport(plan.missing, plan.kept, time.perf_counter() - plan.began)
+
+
+def plan_frames(
+    world: World,
+    shot: Shot,
+    output: str | Path,
+    frames: Iterable[int] | None = None,
+    resume: bool = True,
+) -> FramePlan:
+    """Roll a shot out and look which of its frames a folder already has; as `render_shot`."""
     began, folder = time.perf_counter(), Path(output)
     folder.mkdir(parents=True, exist_ok=True)
     prepared = prepare_shot(world, shot)
@@ -96,11 +129,7 @@ def render_shot(
     digests = {frame: frame_digest(model, prepared, frame) for frame in wanted}
     kept = [n for n in wanted if resume and _is_current(folder, n, shot, digests[n])]
     missing = [frame for frame in wanted if frame not in kept]
-    for number, frame in render_frames(world, prepared, missing, should_stop=should_stop):
-        _write_frame(folder, number, frame, shot, digests[number])
-        if on_progress is not None:
-            on_progress(len(kept) + missing.index(number) + 1, len(wanted))
-    return RenderReport(tuple(missing), tuple(kept), time.perf_counter() - began)
+    return FramePlan(prepared, folder, digests, tuple(kept), tuple(missing), began)
 
 
 def frame_path(folder: Path, frame: int) -> Path:
@@ -108,16 +137,10 @@ def frame_path(folder: Path, frame: int) -> Path:
     return folder / f"{frame:04d}.png"
 
 
-def _is_current(folder: Path, frame: int, shot: Shot, digest: str) -> bool:
-    paths = [frame_path(folder, frame)]
-    if shot.passes:
-        paths.append(paths[0].with_suffix(".exr"))
-    return all(read_metadata(path).get(DIGEST_KEY) == digest for path in paths)
-
-
-def _write_frame(folder: Path, number: int, frame: Frame, shot: Shot, digest: str) -> None:
+def write_frame(folder: Path, number: int, frame: Frame, digest: str) -> None:
+    """Write a frame's picture, and beside it its passes if it has any."""
     path, metadata = frame_path(folder, number), {DIGEST_KEY: digest}
-    if shot.passes:
+    if frame.depth is not None or frame.masks:
         linear = linear_from_srgb(frame.rgb)
         channels = {name: linear[..., index] for index, name in enumerate("RGB")}
         if frame.depth is not None:
@@ -125,3 +148,10 @@ def _write_frame(folder: Path, number: int, frame: Frame, shot: Shot, digest: st
         channels |= {f"mask.{name}": mask for name, mask in frame.masks.items()}
         write_exr(path.with_suffix(".exr"), channels, metadata)
     write_png(path, frame.rgb, metadata)
+
+
+def _is_current(folder: Path, frame: int, shot: Shot, digest: str) -> bool:
+    paths = [frame_path(folder, frame)]
+    if shot.passes:
+        paths.append(paths[0].with_suffix(".exr"))
+    return all(read_metadata(path).get(DIGEST_KEY) == digest for path in paths)
