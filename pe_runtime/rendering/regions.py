@@ -1,0 +1,104 @@
+"""Rectangles of a map's cells: which part of a picture has to be decoded again."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool
+from scipy import ndimage
+from torch import Tensor
+
+GRID = 8
+"""Edges of work lie on multiples of this many cells, so that the same shapes come again: a backend
+tunes itself for every shape that it meets."""
+NEAR = 4
+"""Changed cells up to this far apart share a rectangle."""
+CALL = 96
+"""One more rectangle costs as much time as this many cells."""
+
+
+@dataclass(frozen=True, order=True)
+class Region:
+    """Rows from `top` to before `bottom` and columns from `left` to before `right` of a map."""
+
+    top: int
+    left: int
+    bottom: int
+    right: int
+
+    @property
+    def height(self) -> int:
+        """Rows."""
+        return self.bottom - self.top
+
+    @property
+    def width(self) -> int:
+        """Columns."""
+        return self.right - self.left
+
+    @property
+    def area(self) -> int:
+        """Cells."""
+        return self.height * self.width
+
+    def grown(self, radius: int, within: "Region") -> "Region":
+        """The region with a margin of `radius` cells, as far as the map goes."""
+        return Region(
+            max(within.top, self.top - radius),
+            max(within.left, self.left - radius),
+            min(within.bottom, self.bottom + radius),
+            min(within.right, self.right + radius),
+        )
+
+    def doubled(self) -> "Region":
+        """The same place in a map with cells of half the size."""
+        return Region(2 * self.top, 2 * self.left, 2 * self.bottom, 2 * self.right)
+
+    def joined(self, other: "Region") -> "Region":
+        """The smallest region that covers both."""
+        return Region(
+            min(self.top, other.top),
+            min(self.left, other.left),
+            max(self.bottom, other.bottom),
+            max(self.right, other.right),
+        )
+
+    def aligned(self, within: "Region") -> "Region":
+        """The region with its edges moved outwards to the grid, as far as the map goes."""
+        return Region(
+            self.top // GRID * GRID,
+            self.left // GRID * GRID,
+            min(within.bottom, -(-self.bottom // GRID) * GRID),
+            min(within.right, -(-self.right // GRID) * GRID),
+        )
+
+
+def changed_regions(changed: Bool[Tensor, "height width"]) -> list[Region]:
+    """Rectangles around all changed cells; few, as cells that are near share one."""
+    cells = changed.cpu().numpy()
+    if not cells.any():
+        return []
+    near = ndimage.maximum_filter(cells, size=NEAR + 1)
+    labels, count = ndimage.label(near, structure=np.ones((3, 3)))
+    labels = np.where(cells, labels, 0)
+    found = ndimage.find_objects(labels, max_label=count)
+    return merged([Region(y.start, x.start, y.stop, x.stop) for y, x in found])
+
+
+def merged(regions: Sequence[Region]) -> list[Region]:
+    """The regions with those in one that cost less together than apart."""
+    left, kept = sorted(set(regions)), []
+    while left:
+        each = left.pop()
+        partner = next((o for o in left if _cheaper_together(each, o)), None)
+        if partner is None:
+            kept.append(each)
+            continue
+        left.remove(partner)
+        # What joins may now reach regions that stood alone before.
+        left, kept = [*kept, *left, each.joined(partner)], []
+    return sorted(kept)
+
+
+def _cheaper_together(one: Region, other: Region) -> bool:
+    return one.joined(other).area <= one.area + other.area + CALL
