@@ -72,11 +72,13 @@ def altered(maps, masks, config, cells):
 
 @pytest.mark.parametrize("cells", [(2, 2), (5, 7), (12, 20)], ids=str)
 def test_a_decoded_picture_is_the_renderers(config, cells):
-    # Larger weights give logits whose last bit is more than 1e-6 of the picture.
+    # Larger weights give logits whose last bit is more than 1e-6 of the picture. In float32 the
+    # module itself is no measure: its doubling from corner to corner rounds positions to 1e-6.
     renderer, maps = renderer_of(config, 0.03), maps_of(config, cells)
     picture, _ = decode(prepared(renderer), maps)
-    assert picture.std() > 0.1
-    assert (picture - renderer(maps)[0]).abs().max() < 1e-6
+    assert picture.std() > 0.09
+    wanted = renderer.double()([each.double() for each in maps])[0]
+    assert (picture - wanted).abs().max() < 1e-6
 
 
 RECTANGLES = {
