@@ -21,8 +21,10 @@ from pe_runtime.checkpoint import fit, load_checkpoint
 from pe_runtime.config import QUALITIES, ModelConfig, Quality, from_dict
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import CheckpointError, ConfigError
+from pe_runtime.frame_renderer import FrameRenderer
 from pe_runtime.geometry.cameras import Cameras
 from pe_runtime.networks import Codes, SynthesisNetworks
+from pe_runtime.rendering.precision import multiplies_bfloat16
 from pe_runtime.rendering.scene import RenderSettings
 from pe_runtime.state import EnvironmentState, ObjectState
 
@@ -87,6 +89,7 @@ class PlayableEnvironment:
     ) -> None:
         self.config = config
         self.networks = networks.eval()
+        self.renderer = FrameRenderer(self.networks)
         self.actions = {name: module.eval() for name, module in actions.items()}
         self.header = header
         self.device = next(networks.parameters()).device
@@ -265,14 +268,18 @@ class PlayableEnvironment:
             near=self.config.near,
             weight_threshold=quality.weight_threshold,
             sample_share=quality.sample_share,
+            bfloat16=quality.bfloat16 and multiplies_bfloat16(self.device),
+            occupancy=quality.occupancy,
+            termination=quality.termination,
+            remember=True,
         )
         codes = self.codes(state)
         cameras = Cameras.stack([camera], self.device)
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=quality.bfloat16):
-            picture, statistics = self.networks.render_frame(cameras, codes, settings)
-            depth, masks = None, {}
-            if options.depth or options.masks:
-                depth, masks = self.networks.render_geometry(cameras, codes, settings)
+        picture, statistics = self.renderer.draw(cameras, codes, settings)
+        depth, masks = None, {}
+        if options.depth or options.masks:
+            seen = self.renderer.geometry(cameras, codes, settings)
+            depth, masks = seen.depth, seen.masks
         nothing = np.zeros((camera.height, camera.width), np.float32)
         return Frame(
             picture.permute(1, 2, 0).float().cpu().numpy(),

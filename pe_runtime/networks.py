@@ -17,7 +17,7 @@ from pe_runtime.perception.localization import locate
 from pe_runtime.perception.object_encoder import build_encoder
 from pe_runtime.rendering.feature_renderer import build_feature_renderer
 from pe_runtime.rendering.release_2022 import release_2022
-from pe_runtime.rendering.renderer import Composition, compose, join
+from pe_runtime.rendering.renderer import compose
 from pe_runtime.rendering.sampling import grid_pixels
 from pe_runtime.rendering.scene import Rays, RenderSettings, SceneObject
 
@@ -155,7 +155,8 @@ class SynthesisNetworks(nn.Module):
         kinds = {name: self.config.class_of(name).kind for name in names}
         return [n for n in names if kinds[n] == kept or bool(codes[n].visible.any())]
 
-    def _complete(self, settings: RenderSettings) -> RenderSettings:
+    def complete(self, settings: RenderSettings) -> RenderSettings:
+        """The settings with the quadrature of this model."""
         return replace(settings, release=release_2022(self.config))
 
     def synthesise(
@@ -179,7 +180,7 @@ class SynthesisNetworks(nn.Module):
         renderer = self.config.feature_renderer
         pixels, frame, groups, start = [], [], [], 0
         corners = windows.tolist()
-        for stride, channels in zip(renderer.strides, self._channels(), strict=True):
+        for stride, channels in zip(renderer.strides, self.channels(), strict=True):
             for index, (top, left) in enumerate(corners):
                 pixels.append(grid_pixels(top, left, *size, stride))
                 frame.append(torch.full(pixels[-1].shape[:1], index))
@@ -188,104 +189,31 @@ class SynthesisNetworks(nn.Module):
             start = stop
         device = cameras.intrinsics.device
         frames = torch.cat(frame).to(device)
-        directions = self._directions(cameras, frames, torch.cat(pixels).to(device))
+        directions = ray_directions(cameras, frames, torch.cat(pixels).to(device), self.ray_dtype)
         rays = Rays(cameras.centres, directions, frames)
-        composed = compose(rays, self.scene(codes), groups, self._complete(settings))
-        return self.feature_renderer(self._as_maps(composed.features, len(corners), size))
+        composed = compose(rays, self.scene(codes), groups, self.complete(settings))
+        return self.feature_renderer(self.as_maps(composed.features, len(corners), size))
 
-    def _channels(self) -> list[slice]:
+    def channels(self) -> list[slice]:
+        """Which channels of the fields each feature map takes, finest first."""
         ends = list(itertools.accumulate(self.config.feature_renderer.features))
         return [slice(a, b) for a, b in zip([0, *ends[:-1]], ends, strict=True)]
 
-    def _as_maps(self, features: list[Tensor], frames: int, size: tuple[int, int]) -> list[Tensor]:
+    def as_maps(self, features: list[Tensor], frames: int, size: tuple[int, int]) -> list[Tensor]:
+        """Features of rays, row by row, as one image-like map per stride.
+
+        Args:
+            features: (rays, channels) of each stride, finest first.
+            frames: Frames that follow each other in the rays.
+            size: Height and width in pixels.
+        """
         maps = []
         for stride, each in zip(self.config.feature_renderer.strides, features, strict=True):
             height, width = size[0] // stride, size[1] // stride
             maps.append(each.reshape(frames, height, width, -1).permute(0, 3, 1, 2))
         return maps
 
-    def render_frame(
-        self,
-        camera: Cameras,
-        codes: Mapping[str, Codes],
-        settings: RenderSettings,
-        chunk: int = 16384,
-    ) -> tuple[Float[Tensor, "3 height width"], dict[str, int]]:
-        """Draw one whole frame, in chunks of rays that bound the memory.
-
-        Returns:
-            sRGB picture in [0, 1], and the counters of the composition.
-        """
-        coarsest = self.config.feature_renderer.strides[-1]
-        # F reflects its borders, for which the coarsest map needs two rows and two columns.
-        cells = [max(2, -(-extent // coarsest)) for extent in (camera.height, camera.width)]
-        size = (cells[0] * coarsest, cells[1] * coarsest)
-        levels = self.compose_levels(camera, codes, settings, size, chunk)
-        maps = self._as_maps([each.features[0] for each in levels], 1, size)
-        picture = self.feature_renderer(maps)[0]
-        statistics = {
-            key: sum(each.statistics[key] for each in levels) for key in levels[0].statistics
-        }
-        return picture[:, : camera.height, : camera.width], statistics
-
-    def compose_levels(
-        self,
-        camera: Cameras,
-        codes: Mapping[str, Codes],
-        settings: RenderSettings,
-        size: tuple[int, int],
-        chunk: int = 16384,
-    ) -> list[Composition]:
-        """What the rays of each feature map see, finest first, row by row.
-
-        Args:
-            camera: One camera.
-            codes: States of one frame by object name.
-            settings: Sampling.
-            size: Height and width of the covered region in pixels, from the top left corner.
-            chunk: Rays at once.
-        """
-        objects, settings = self.scene(codes), self._complete(settings)
-        levels = []
-        strides = self.config.feature_renderer.strides
-        for stride, channels in zip(strides, self._channels(), strict=True):
-            parts = []
-            for rays in self._chunks(camera, grid_pixels(0, 0, *size, stride), chunk):
-                whole = slice(0, rays.frame.shape[0])
-                parts.append(compose(rays, objects, [(whole, channels)], settings))
-            levels.append(join(parts))
-        return levels
-
-    def render_geometry(
-        self,
-        camera: Cameras,
-        codes: Mapping[str, Codes],
-        settings: RenderSettings,
-        chunk: int = 16384,
-    ) -> tuple[Float[Tensor, "height width"], dict[str, Float[Tensor, "height width"]]]:
-        """Depth and one mask per object at full image resolution; no features are computed.
-
-        Returns:
-            Planar depth in metres, +inf where nothing solid covers half the pixel, and the share
-            of each pixel that each visible object covers.
-        """
-        objects, settings = self.scene(codes), self._complete(settings)
-        names = self.drawn(codes)
-        pixels = grid_pixels(0, 0, camera.height, camera.width, 1)
-        parts = self._chunks(camera, pixels, chunk)
-        seen = join([compose(rays, objects, [], settings) for rays in parts])
-        shape = (camera.height, camera.width)
-        depth = seen.depth / seen.solid.clamp(min=1e-6)
-        depth = torch.where(seen.solid >= 0.5, depth, torch.inf).reshape(shape)
-        return depth, {n: seen.weights[:, i].reshape(shape) for i, n in enumerate(names)}
-
-    def _chunks(self, camera: Cameras, pixels: Tensor, chunk: int) -> list[Rays]:
-        chunks = []
-        for part in pixels.to(camera.intrinsics.device).split(chunk):
-            frame = torch.zeros(part.shape[0], dtype=torch.long, device=part.device)
-            chunks.append(Rays(camera.centres, self._directions(camera, frame, part), frame))
-        return chunks
-
-    def _directions(self, cameras: Cameras, frame: Tensor, pixels: Tensor) -> Tensor:
-        ours = self.config.quadrature == "interval"
-        return ray_directions(cameras, frame, pixels, torch.float64 if ours else torch.float32)
+    @property
+    def ray_dtype(self) -> torch.dtype:
+        """In which directions of rays are computed: float64 but for "release-2022"."""
+        return torch.float64 if self.config.quadrature == "interval" else torch.float32

@@ -298,7 +298,7 @@ def test_a_hidden_player_is_gone_from_the_picture_and_its_mask_is_empty(env, sta
     shown = env.render(state, VIEW, EVERYTHING)
     assert not hidden.masks["player_1"].any()
     assert shown.masks["player_1"].any()
-    assert hidden.statistics["samples"] < shown.statistics["samples"]
+    assert hidden.statistics["field_samples"] < shown.statistics["field_samples"]
     assert not np.array_equal(hidden.rgb, shown.rgb)
 
 

@@ -21,6 +21,7 @@ LAYERS = (
     ("rendering",),
     ("perception", "action"),
     ("networks",),
+    ("frame_renderer",),
     ("checkpoint", "dataset", "images"),
     ("admission", "environment"),
     ("shots", "mesh"),

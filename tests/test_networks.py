@@ -15,8 +15,11 @@ from small_world import (
     small_networks,
 )
 
+from pe_runtime import frame_renderer
+from pe_runtime.frame_renderer import FrameRenderer
 from pe_runtime.geometry.cameras import Cameras, ray_directions
 from pe_runtime.networks import SynthesisNetworks
+from pe_runtime.rendering import frame_drawing
 from pe_runtime.rendering.sampling import grid_pixels
 from pe_runtime.rendering.scene import RenderSettings
 
@@ -47,14 +50,15 @@ def seen(views=None, places=PLACES):
     )
 
 
-def frame_of(networks, view, codes=None, settings=SETTINGS, **more):
+def frame_of(networks, view, codes=None, settings=SETTINGS):
     codes = random_codes(networks.config) if codes is None else codes
-    return networks.render_frame(Cameras.stack([view]), codes, settings, **more)
+    return FrameRenderer(networks).draw(Cameras.stack([view]), codes, settings)
 
 
-def geometry_of(networks, view, codes=None, **more):
+def geometry_of(networks, view, codes=None):
     codes = random_codes(networks.config) if codes is None else codes
-    return networks.render_geometry(Cameras.stack([view]), codes, SETTINGS, **more)
+    seen = FrameRenderer(networks).geometry(Cameras.stack([view]), codes, SETTINGS)
+    return seen.depth, seen.masks
 
 
 def with_visible(codes, name, *visible):
@@ -152,17 +156,21 @@ def test_a_window_shows_what_the_whole_frame_shows_there():
 
 
 @pytest.mark.parametrize("chunk", [1, 7, 64])
-def test_chunks_change_nothing(networks, chunk):
+def test_chunks_change_no_bit(networks, chunk, monkeypatch):
     view = camera(width=12, rows=8)
     whole, counted = frame_of(networks, view)
-    chunked, counted_in_chunks = frame_of(networks, view, chunk=chunk)
-    torch.testing.assert_close(chunked, whole, atol=1e-5, rtol=0)
-    assert counted_in_chunks["rays"] == counted["rays"]
     depth, masks = geometry_of(networks, view)
-    chunked_depth, chunked_masks = geometry_of(networks, view, chunk=chunk)
-    torch.testing.assert_close(chunked_depth, depth, atol=1e-4, rtol=1e-5)
+    monkeypatch.setattr(frame_drawing, "KEPT_RAYS", 0)
+    monkeypatch.setattr(frame_drawing, "CHUNK", chunk)
+    monkeypatch.setattr(frame_renderer, "CHUNK", chunk)
+    chunked, counted_in_chunks = frame_of(networks, view)
+    assert torch.equal(chunked, whole)
+    assert counted_in_chunks["rays"] == counted["rays"]
+    assert counted_in_chunks["field_samples"] == counted["field_samples"]
+    chunked_depth, chunked_masks = geometry_of(networks, view)
+    assert torch.equal(chunked_depth, depth)
     for name, mask in masks.items():
-        torch.testing.assert_close(chunked_masks[name], mask, atol=1e-5, rtol=0)
+        assert torch.equal(chunked_masks[name], mask)
 
 
 @pytest.mark.parametrize("bucket", [1, 16, 1024])
@@ -201,7 +209,7 @@ def test_a_hidden_player_costs_no_samples(networks):
     )
     assert counts[0] == counts[1]
     assert torch.equal(*pictures)
-    assert frame_of(networks, camera(), codes)[1]["samples"] > counts[0]["samples"]
+    assert frame_of(networks, camera(), codes)[1]["field_samples"] > counts[0]["field_samples"]
 
 
 @pytest.mark.parametrize("place", [(0.0, -20.0, 0.0), (30.0, 0.0, 0.0)])
@@ -211,14 +219,14 @@ def test_a_player_out_of_view_costs_no_samples(networks, place):
     picture, counted = frame_of(networks, camera(), codes)
     wanted, counted_without = frame_of(networks, camera(), removed)
     assert counted == counted_without
-    torch.testing.assert_close(picture, wanted, atol=1e-6, rtol=0)
+    assert torch.equal(picture, wanted)
 
 
 def test_an_empty_world_is_a_picture_too(networks):
     picture, counted = frame_of(networks, camera(), {})
     assert picture.shape == (3, HEIGHT, WIDTH)
     assert torch.isfinite(picture).all()
-    assert counted["samples"] == 0
+    assert counted["field_samples"] == 0
     depth, masks = geometry_of(networks, camera(), {})
     assert torch.isinf(depth).all() and masks == {}
 

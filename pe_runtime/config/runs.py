@@ -62,7 +62,7 @@ class Quality:
 QUALITIES: Mapping[str, Quality] = types.MappingProxyType(
     {
         "exact": Quality(),
-        "balanced": Quality(weight_threshold=1e-4),
-        "draft": Quality(weight_threshold=1e-3, sample_share=0.5, bfloat16=True),
+        "balanced": Quality(1e-3, bfloat16=True, occupancy=True, termination=1e-3),
+        "draft": Quality(2e-3, sample_share=0.5, bfloat16=True, occupancy=True, termination=1e-2),
     }
 )

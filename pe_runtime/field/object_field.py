@@ -90,6 +90,10 @@ class ObjectField(nn.Module):
         raw = self.density(hidden)[..., 0].float()
         if noise > 0:
             raw = raw + noise * torch.randn_like(raw)
+        return self.density_of(raw)
+
+    def density_of(self, raw: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
+        """Density per metre of raw outputs."""
         if self.config.field.density == "relu":
             return torch.relu(raw) * self.config.field.density_scale
         return nn.functional.softplus(raw - DENSITY_SHIFT) * self.config.field.density_scale

@@ -107,30 +107,39 @@ def _chord(rays: Rays, each: SceneObject, settings: RenderSettings) -> _Chord:
     origins = (rays.centres - each.position.double())[rays.frame]
     directions = rays.directions
     if each.heading is not None:
-        object_from_world = _turn(-each.heading.double())[rays.frame]
+        object_from_world = turn(-each.heading.double())[rays.frame]
         origins = torch.einsum("rij,rj->ri", object_from_world, origins)
         directions = torch.einsum("rij,rj->ri", object_from_world, directions)
     if settings.release is not None:
         origins, directions = origins.float(), directions.float()
     low, high = origins.new_tensor(config.low), origins.new_tensor(config.high)
-    near, far, hit = _meet(origins, directions, (low, high), config, settings)
+    near, far, hit = meet(origins, directions, (low, high), config, settings)
     hit = hit & each.visible[rays.frame]
     hit[-1] = False
     return _Chord(origins, directions, near, far, hit)
 
 
-def _meet(
+def meet(
     origins: Tensor,
     directions: Tensor,
     box: tuple[Tensor, Tensor],
     config: ObjectClassConfig,
     settings: RenderSettings,
 ) -> tuple[Tensor, Tensor, Tensor]:
+    """Where rays enter and leave a volume, and whether they meet it, in the model's quadrature.
+
+    Args:
+        origins: (rays, 3) in the object's frame, metres.
+        directions: (rays, 3).
+        box: Its two corners.
+        config: Its class.
+        settings: Near depth and quadrature.
+    """
     if settings.release is None:
         return intersect_box(origins, directions, *box, settings.near)
     offset = origins.new_tensor(settings.release.offset)
     near, far, hit = intersect_box(origins, directions, *box, -torch.inf, offset)
-    first, last = _depth_range(config, settings)
+    first, last = depth_range(config, settings)
     # A passage that ends before the range has all its samples at its near end, outside.
     return near.clamp(first, last), far.clamp(first, last), hit & (far >= first)
 
@@ -163,7 +172,7 @@ def _as_released(
     density = torch.zeros_like(depth).index_put((row, column), density)
     length = chord.directions[index].norm(dim=-1)
     thickness = torch.where(inside, density * length[:, None], 0.0)
-    elsewhere = _depth_range(config, settings)[0]
+    elsewhere = depth_range(config, settings)[0]
     return Passage(index, frame, depth, coordinates, thickness, hidden, elsewhere)
 
 
@@ -171,7 +180,8 @@ def _points(chord: _Chord, index: Tensor, depth: Tensor) -> Float[Tensor, "hits 
     return chord.origins[index][:, None] + depth[..., None] * chord.directions[index][:, None]
 
 
-def _depth_range(config: ObjectClassConfig, settings: RenderSettings) -> tuple[float, float]:
+def depth_range(config: ObjectClassConfig, settings: RenderSettings) -> tuple[float, float]:
+    """Planar depths in metres between which the samples of "release-2022" lie."""
     return config.depth_range or (settings.near, torch.inf)
 
 
@@ -193,7 +203,7 @@ def _sky(rays: Rays, each: SceneObject, settings: RenderSettings) -> Passage:
     return Passage(index, frame, depth, coordinates[:, None], thickness, None, elsewhere)
 
 
-def _turn(angle: Float[Tensor, " frames"]) -> Float[Tensor, "frames 3 3"]:
+def turn(angle: Float[Tensor, " frames"]) -> Float[Tensor, "frames 3 3"]:
     """Rotations about the world's z axis."""
     cos, sin, zero = angle.cos(), angle.sin(), torch.zeros_like(angle)
     rows = [cos, -sin, zero, sin, cos, zero, zero, zero, zero + 1]

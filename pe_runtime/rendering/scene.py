@@ -49,6 +49,10 @@ class RenderSettings:
         density_noise: Standard deviation of noise on raw densities (training).
         weight_threshold: Samples of no more weight than this get no features; 0 is exact.
         sample_share: Share of each class's samples that is drawn.
+        occupancy: Look coarsely first, and evaluate players only where something was found.
+        termination: Samples that no more light than this reaches are not evaluated; 0 is exact.
+        bfloat16: Products in bfloat16 (single frames only; training has its own switch).
+        remember: Keep features of static samples for the frames to come.
         release: The authors' quadrature instead of ours, for their checkpoints.
         bucket: Row counts are padded to multiples of this, so that kernels are not re-tuned.
     """
@@ -58,5 +62,9 @@ class RenderSettings:
     density_noise: float = 0.0
     weight_threshold: float = 0.0
     sample_share: float = 1.0
+    occupancy: bool = False
+    termination: float = 0.0
+    bfloat16: bool = False
+    remember: bool = False
     release: Release2022 | None = None
     bucket: int = 256

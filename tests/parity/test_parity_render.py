@@ -6,6 +6,7 @@ from interop.official_weights import environment_weights, save_stage
 from parity.parity_files import check_within, parity_case
 
 from pe_runtime.environment import PlayableEnvironment, RenderOptions
+from pe_runtime.frame_renderer import FrameRenderer
 from pe_runtime.geometry.cameras import Cameras
 from pe_runtime.interop.conventions import (
     FOCAL_MULTIPLIERS,
@@ -14,6 +15,7 @@ from pe_runtime.interop.conventions import (
     positions_from_theirs,
 )
 from pe_runtime.interop.official_checkpoint import import_official
+from pe_runtime.rendering.frame_composition import compose_rays
 from pe_runtime.rendering.scene import RenderSettings
 from pe_runtime.state import EnvironmentState, ObjectState
 
@@ -74,21 +76,26 @@ def test_feature_maps_opacity_and_depth_are_the_recorded_ones(case, environment,
     networks, size = environment.networks, tuple(case["image_size"])
     codes = environment.codes(state)
     settings = RenderSettings(near=environment.config.near)
-    with torch.no_grad():
-        levels = networks.compose_levels(Cameras.stack([camera]), codes, settings, size)
-    names = networks.drawn(codes)
+    view, names = Cameras.stack([camera]), networks.drawn(codes)
+    drawn = FrameRenderer(networks).features(view, codes, settings)
+    passages = [drawn.kept.passages[name] for name in names]
+    levels, start = [], 0
+    for each in drawn.maps:
+        which = torch.arange(start, start + len(each))
+        levels.append(compose_rays(passages, which, [], networks.complete(settings)))
+        start += len(each)
     for index, (stride, found) in enumerate(zip((4, 8), levels, strict=True)):
         cells, what = (size[0] // stride, size[1] // stride), f"{case['which']} at stride {stride}"
-        features = found.features[0].T.unflatten(1, cells)
+        features = drawn.maps[index].T.unflatten(1, cells)
         apart = features - case["decoder_inputs"][index].float()
         check_within(f"{what}, features", apart.abs().max().item(), 3e-3)
         depth = found.depth
         if "sky" in names:
             # Theirs sums w t over everything; ours leaves the sky out.
-            depth = depth + SKY_DEPTH * found.weights[:, names.index("sky")]
+            depth = depth + SKY_DEPTH * found.shares[:, names.index("sky")]
         apart = (depth.reshape(cells) - case["depth"][index]).abs()
         seen = case["opacity"][index] > 0.01
         check_within(f"{what}, depth in metres", apart[seen].max().item(), 1e-3)
-        opacity = found.weights.sum(dim=1).reshape(cells)
+        opacity = found.shares.sum(dim=1).reshape(cells)
         apart = opacity - case["opacity"][index]
         check_within(f"{what}, opacity", apart.abs().max().item(), 1e-4)

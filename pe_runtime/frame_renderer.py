@@ -1,0 +1,165 @@
+"""Frames of a trained model, one after the other; what the next shares with the last is kept."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from pe_runtime.geometry.cameras import Cameras, ray_directions
+from pe_runtime.networks import Codes, SynthesisNetworks
+from pe_runtime.rendering.folded_field import FoldedField, fold_field
+from pe_runtime.rendering.frame_composition import Level
+from pe_runtime.rendering.frame_drawing import (
+    CHUNK,
+    DrawnFeatures,
+    KeptFrame,
+    Placed,
+    draw_features,
+    look,
+)
+from pe_runtime.rendering.frame_passages import FrameObject, FrameRays
+from pe_runtime.rendering.sampling import grid_pixels
+from pe_runtime.rendering.scene import RenderSettings
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Depth and shares of a frame at full image resolution.
+
+    Attributes:
+        depth: Planar metres; +inf where nothing solid covers half the pixel.
+        masks: Share of each pixel that each visible object covers.
+    """
+
+    depth: Float[Tensor, "height width"]
+    masks: Mapping[str, Float[Tensor, "height width"]]
+
+
+class FrameRenderer:
+    """Draws single frames with the synthesis module, without gradients.
+
+    It remembers the last frame only, and only as long as that saves work: results never depend on
+    what was drawn before.
+
+    Args:
+        networks: Trained synthesis module.
+    """
+
+    def __init__(self, networks: SynthesisNetworks) -> None:
+        self.networks = networks
+        self.config = networks.config
+        self._classes = {each.name: each.class_name for each in self.config.objects}
+        self._folded: dict[str, tuple[tuple, FoldedField]] = {}
+        self._rays: tuple[tuple, FrameRays] | None = None
+        self._kept: KeptFrame | None = None
+
+    def forget(self) -> None:
+        """Free what is kept of the last frame."""
+        self._folded, self._rays, self._kept = {}, None, None
+
+    @torch.no_grad()
+    def draw(
+        self, camera: Cameras, codes: Mapping[str, Codes], settings: RenderSettings
+    ) -> tuple[Float[Tensor, "3 height width"], dict[str, int]]:
+        """Draw one whole frame.
+
+        Args:
+            camera: One camera.
+            codes: States of one frame by object name.
+            settings: Sampling and skipping.
+
+        Returns:
+            sRGB picture in [0, 1], and the counters of the composition.
+        """
+        size = self.map_size(camera)
+        drawn = self.features(camera, codes, settings)
+        maps = self.networks.as_maps(drawn.maps, 1, size)
+        with torch.autocast(maps[0].device.type, torch.bfloat16, enabled=settings.bfloat16):
+            picture = self.networks.feature_renderer(maps)[0]
+        return picture[:, : camera.height, : camera.width].float(), drawn.statistics
+
+    def map_size(self, camera: Cameras) -> tuple[int, int]:
+        """Height and width in pixels that the feature maps of a frame cover."""
+        coarsest = self.config.feature_renderer.strides[-1]
+        # F reflects its borders, for which the coarsest map needs two rows and two columns.
+        rows, columns = (max(2, -(-n // coarsest)) for n in (camera.height, camera.width))
+        return rows * coarsest, columns * coarsest
+
+    @torch.no_grad()
+    def features(
+        self, camera: Cameras, codes: Mapping[str, Codes], settings: RenderSettings
+    ) -> DrawnFeatures:
+        """Feature maps of one frame, finest first; the last frame's are taken over where equal."""
+        settings = self.networks.complete(settings)
+        size, start, pixels, levels = self.map_size(camera), 0, [], []
+        channels = self.networks.channels()
+        for stride, own in zip(self.config.feature_renderer.strides, channels, strict=True):
+            pixels.append(grid_pixels(0, 0, *size, stride))
+            levels.append(Level(slice(start, start + pixels[-1].shape[0]), own))
+            start += pixels[-1].shape[0]
+        rays = self._frame_rays(camera, torch.cat(pixels))
+        placed = self._placed(codes, settings)
+        drawn = draw_features(rays, levels, placed, settings, self._kept)
+        self._kept = drawn.kept
+        return drawn
+
+    @torch.no_grad()
+    def geometry(
+        self, camera: Cameras, codes: Mapping[str, Codes], settings: RenderSettings
+    ) -> Geometry:
+        """Depth and masks at full image resolution; no features are computed."""
+        settings = self.networks.complete(settings)
+        placed = self._placed(codes, settings)
+        pixels = grid_pixels(0, 0, camera.height, camera.width, 1).to(camera.intrinsics.device)
+        rays, shape = self._rays_through(camera, pixels), (camera.height, camera.width)
+        parts = [
+            look(rays, start, min(start + CHUNK, len(rays)), [], placed, settings)[0]
+            for start in range(0, len(rays), CHUNK)
+        ]
+        shares = torch.cat([each.shares for each in parts])
+        kinds = [self.config.class_of(name).kind for name in placed]
+        solid = [i for i, kind in enumerate(kinds) if kind != "sky"]
+        covered = shares[:, solid].sum(dim=1)
+        depth = torch.cat([each.depth for each in parts]) / covered.clamp(min=1e-6)
+        depth = torch.where(covered >= 0.5, depth, torch.inf).reshape(shape)
+        return Geometry(depth, {n: shares[:, i].reshape(shape) for i, n in enumerate(placed)})
+
+    def _frame_rays(self, camera: Cameras, pixels: Tensor) -> FrameRays:
+        """The rays of the last frame where its camera is this one's."""
+        numbers = (camera.intrinsics, camera.world_from_camera)
+        key = (camera.width, camera.height, *(n.cpu().numpy().tobytes() for n in numbers))
+        if self._rays is None or self._rays[0] != key:
+            rays = self._rays_through(camera, pixels.to(camera.intrinsics.device))
+            self._rays = (key, rays)
+        return self._rays[1]
+
+    def _rays_through(self, camera: Cameras, pixels: Tensor) -> FrameRays:
+        frame = torch.zeros(pixels.shape[0], dtype=torch.long, device=pixels.device)
+        directions = ray_directions(camera, frame, pixels, self.networks.ray_dtype)
+        return FrameRays(camera, pixels, directions, directions.norm(dim=-1).float())
+
+    def _placed(self, codes: Mapping[str, Codes], settings: RenderSettings) -> dict[str, Placed]:
+        dtype = torch.bfloat16 if settings.bfloat16 else torch.float32
+        placed, folded = {}, {}
+        for name in self.networks.drawn(codes):
+            own = codes[name]
+            looks = (dtype, _bytes(own.style), _bytes(own.pose))
+            if self._folded.get(name, (None,))[0] != looks:
+                field = self.networks.fields[self._classes[name]]
+                folded[name] = (looks, fold_field(field, own.style[0], own.pose[0], dtype))
+            else:
+                folded[name] = self._folded[name]
+            heading = 0.0 if own.heading is None else float(own.heading[0])
+            shown = bool(own.visible[0])
+            key = (looks, _bytes(own.position), heading, shown)
+            placed[name] = Placed(
+                key, FrameObject(folded[name][1], own.position[0], heading, shown)
+            )
+        self._folded = folded
+        return placed
+
+
+def _bytes(values: Tensor) -> bytes:
+    return values.detach().cpu().numpy().tobytes()

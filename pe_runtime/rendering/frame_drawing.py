@@ -1,0 +1,255 @@
+"""Feature maps of one frame, and of the next: what stands still is not drawn again.
+
+A frame with the camera of the one before composes only the rays that meet something that changed,
+where it is now or where it was. Everything else, samples of unchanged objects included, is taken
+over. The numbers are those of a fresh frame to the last bit, because no ray's arithmetic depends on
+the other rays.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Bool, Float, Int
+from torch import Tensor
+
+from pe_runtime.geometry.cameras import Cameras
+from pe_runtime.rendering.frame_composition import Level, Seen, compose_rays
+from pe_runtime.rendering.frame_passages import (
+    FrameObject,
+    FramePassage,
+    FrameRays,
+    frame_passage,
+)
+from pe_runtime.rendering.scene import RenderSettings
+
+CHUNK = 16384
+"""Rays at once where a frame has more than are kept; bounds the memory."""
+
+KEPT_RAYS = 40960
+"""Frames of more rays (a picture of 1024x512 has them) are drawn in chunks and not kept."""
+
+
+@dataclass(frozen=True)
+class Placed:
+    """One object of a frame and a key that is equal while the object looks the same."""
+
+    key: tuple
+    object: FrameObject
+
+
+@dataclass(frozen=True)
+class KeptFrame:
+    """What a frame leaves behind for the next one with the same view.
+
+    Attributes:
+        view: Key of camera, rays and settings.
+        keys: Key of every object, by name.
+        passages: Its samples.
+        maps: Feature maps, (rays of the level, channels).
+    """
+
+    view: tuple
+    keys: Mapping[str, tuple]
+    passages: Mapping[str, FramePassage]
+    maps: list[Float[Tensor, "_ _"]]
+
+
+@dataclass(frozen=True)
+class DrawnFeatures:
+    """Feature maps of a frame.
+
+    Attributes:
+        maps: (rays of the level, channels), finest first, row by row.
+        changed: Per level, whether a ray differs from the kept frame's; None without one.
+        statistics: Counters: rays, composed_rays, hits, field_samples, feature_samples,
+            kept_objects.
+        kept: For the next frame; None for frames too large to keep.
+    """
+
+    maps: list[Float[Tensor, "_ _"]]
+    changed: list[Bool[Tensor, " _"]] | None
+    statistics: dict[str, int]
+    kept: KeptFrame | None
+
+
+def draw_features(
+    rays: FrameRays,
+    levels: Sequence[Level],
+    placed: Mapping[str, Placed],
+    settings: RenderSettings,
+    kept: KeptFrame | None = None,
+) -> DrawnFeatures:
+    """Draw the feature maps of a frame.
+
+    Args:
+        rays: All rays, level after level.
+        levels: Which rays and channels each feature map takes.
+        placed: The visible objects by name, in the order of the model.
+        settings: Sampling and skipping.
+        kept: What the frame before left behind; used if its view is this one's.
+    """
+    if len(rays) > KEPT_RAYS:
+        return _in_chunks(rays, levels, placed, settings)
+    view = (camera_key(rays.camera), len(rays), settings)
+    kept = kept if kept is not None and kept.view == view else None
+    passages, fresh = _passages(rays, placed, settings, kept)
+    which = _changed_rays(rays, passages, fresh, kept)
+    seen = compose_rays(list(passages.values()), which, levels, settings)
+    maps, changed = _merged(which, levels, seen, kept, len(rays))
+    statistics = _statistics(len(rays), passages, fresh, which, seen)
+    keys = {name: each.key for name, each in placed.items()}
+    return DrawnFeatures(maps, changed, statistics, KeptFrame(view, keys, passages, maps))
+
+
+def camera_key(camera: Cameras) -> tuple:
+    """Equal for equal cameras, and for no others."""
+    numbers = (camera.intrinsics, camera.world_from_camera)
+    return camera.width, camera.height, *(each.cpu().numpy().tobytes() for each in numbers)
+
+
+def _passages(
+    rays: FrameRays,
+    placed: Mapping[str, Placed],
+    settings: RenderSettings,
+    kept: KeptFrame | None,
+) -> tuple[dict[str, FramePassage], set[str]]:
+    """Samples of all objects, and the names of those that had to be sampled."""
+    passages: dict[str, FramePassage] = {}
+    fresh = set()
+    for name in _front_first(rays, placed):
+        each = placed[name]
+        if kept is not None and kept.keys.get(name) == each.key:
+            passages[name] = kept.passages[name]
+            continue
+        # With a standing camera those behind are kept while those in front move, so what is hidden
+        # now may show later: nothing is left out then.
+        before = [] if settings.remember else list(passages.values())
+        passages[name] = frame_passage(rays, each.object, settings, before)
+        fresh.add(name)
+    # Composed in the order of the model, which decides between samples at equal depths.
+    return {name: passages[name] for name in placed}, fresh
+
+
+def _front_first(rays: FrameRays, placed: Mapping[str, Placed]) -> list[str]:
+    """Players from near to far, then what surrounds them."""
+
+    def order(name: str) -> tuple[bool, float]:
+        each = placed[name].object
+        distance = (each.position.double() - rays.camera.centres[0]).norm()
+        return each.field.config.kind != "playable", distance.item()
+
+    return sorted(placed, key=order)
+
+
+def _changed_rays(
+    rays: FrameRays,
+    passages: Mapping[str, FramePassage],
+    fresh: set[str],
+    kept: KeptFrame | None,
+) -> Int[Tensor, " rays"]:
+    device = rays.directions.device
+    if kept is None:
+        return torch.arange(len(rays), device=device)
+    changed = torch.zeros(len(rays), dtype=torch.bool, device=device)
+    for name in fresh:
+        changed[passages[name].rays] = True
+    for name, before in kept.passages.items():
+        if name in fresh or name not in passages:
+            changed[before.rays] = True
+    return torch.nonzero(changed)[:, 0]
+
+
+def _merged(
+    which: Tensor,
+    levels: Sequence[Level],
+    seen: Seen,
+    kept: KeptFrame | None,
+    count: int,
+) -> tuple[list[Tensor], list[Tensor] | None]:
+    """Whole maps, and where they differ from the kept ones."""
+    if kept is None:
+        return seen.features, None
+    mask = torch.zeros(count, dtype=torch.bool, device=which.device)
+    mask[which] = True
+    maps, changed = [], []
+    for level, before, drawn in zip(levels, kept.maps, seen.features, strict=True):
+        own = mask[level.rays]
+        whole = before.clone()
+        whole[own] = drawn
+        maps.append(whole)
+        changed.append(own)
+    return maps, changed
+
+
+def _statistics(
+    count: int,
+    passages: Mapping[str, FramePassage],
+    fresh: set[str],
+    which: Tensor,
+    seen: Seen,
+) -> dict[str, int]:
+    return {
+        "rays": count,
+        "composed_rays": which.shape[0],
+        "hits": sum(passages[name].rays.shape[0] for name in fresh),
+        "field_samples": sum(passages[name].evaluated for name in fresh),
+        "feature_samples": seen.feature_samples,
+        "kept_objects": len(passages) - len(fresh),
+    }
+
+
+def _in_chunks(
+    rays: FrameRays,
+    levels: Sequence[Level],
+    placed: Mapping[str, Placed],
+    settings: RenderSettings,
+) -> DrawnFeatures:
+    """A large frame, chunk by chunk, with nothing kept."""
+    parts = [
+        look(rays, start, min(start + CHUNK, len(rays)), levels, placed, settings)
+        for start in range(0, len(rays), CHUNK)
+    ]
+    maps = [torch.cat([seen.features[i] for seen, _ in parts]) for i in range(len(levels))]
+    totals: dict[str, int] = {}
+    for _, statistics in parts:
+        for key, value in statistics.items():
+            totals[key] = totals.get(key, 0) + value
+    return DrawnFeatures(maps, None, totals, None)
+
+
+def look(
+    rays: FrameRays,
+    start: int,
+    stop: int,
+    levels: Sequence[Level],
+    placed: Mapping[str, Placed],
+    settings: RenderSettings,
+) -> tuple[Seen, dict[str, int]]:
+    """What a run of rays sees, with nothing kept, and the counters.
+
+    Args:
+        rays: All rays.
+        start: First ray.
+        stop: One past the last.
+        levels: Feature maps in terms of all rays; empty for depth and shares only.
+        placed: The visible objects by name, in the order of the model.
+        settings: Sampling and skipping.
+    """
+    own = FrameRays(
+        rays.camera, rays.pixels[start:stop], rays.directions[start:stop], rays.lengths[start:stop]
+    )
+    within = [
+        Level(
+            slice(
+                min(max(level.rays.start - start, 0), stop - start),
+                min(max(level.rays.stop - start, 0), stop - start),
+            ),
+            level.channels,
+        )
+        for level in levels
+    ]
+    passages, _ = _passages(own, placed, replace(settings, remember=False), None)
+    which = torch.arange(len(own), device=rays.directions.device)
+    seen = compose_rays(list(passages.values()), which, within, settings)
+    return seen, _statistics(len(own), passages, set(passages), which, seen)
