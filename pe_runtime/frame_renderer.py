@@ -20,6 +20,8 @@ from pe_runtime.rendering.frame_drawing import (
     look,
 )
 from pe_runtime.rendering.frame_passages import FrameObject, FrameRays
+from pe_runtime.rendering.partial_decoding import Decoded, decode, decode_again
+from pe_runtime.rendering.prepared_renderer import PreparedRenderer, prepared
 from pe_runtime.rendering.sampling import grid_pixels
 from pe_runtime.rendering.scene import RenderSettings
 
@@ -54,10 +56,12 @@ class FrameRenderer:
         self._folded: dict[str, tuple[tuple, FoldedField]] = {}
         self._rays: tuple[tuple, FrameRays] | None = None
         self._kept: KeptFrame | None = None
+        self._decoder: tuple[torch.dtype, PreparedRenderer] | None = None
+        self._picture: Decoded | None = None
 
     def forget(self) -> None:
         """Free what is kept of the last frame."""
-        self._folded, self._rays, self._kept = {}, None, None
+        self._folded, self._rays, self._kept, self._picture = {}, None, None, None
 
     @torch.no_grad()
     def draw(
@@ -76,9 +80,27 @@ class FrameRenderer:
         size = self.map_size(camera)
         drawn = self.features(camera, codes, settings)
         maps = self.networks.as_maps(drawn.maps, 1, size)
-        with torch.autocast(maps[0].device.type, torch.bfloat16, enabled=settings.bfloat16):
-            picture = self.networks.feature_renderer(maps)[0]
+        picture = self._decoded(maps, drawn, settings)
         return picture[:, : camera.height, : camera.width].float(), drawn.statistics
+
+    def _decoded(
+        self, maps: list[Tensor], drawn: DrawnFeatures, settings: RenderSettings
+    ) -> Float[Tensor, "3 height width"]:
+        """The picture of feature maps; only what a change can reach is decoded again."""
+        dtype = torch.bfloat16 if settings.bfloat16 else torch.float32
+        if self._decoder is None or self._decoder[0] != dtype:
+            self._decoder = (dtype, prepared(self.networks.feature_renderer, dtype))
+            self._picture = None
+        decoder, before = self._decoder[1], self._picture
+        if drawn.changed is None or before is None:
+            picture, self._picture = decode(decoder, maps)
+        else:
+            shapes = [each.shape[-2:] for each in maps]
+            changed = [c.reshape(shape) for c, shape in zip(drawn.changed, shapes, strict=True)]
+            picture, self._picture = decode_again(decoder, maps, before, changed)
+        if drawn.kept is None:
+            self._picture = None
+        return picture
 
     def map_size(self, camera: Cameras) -> tuple[int, int]:
         """Height and width in pixels that the feature maps of a frame cover."""

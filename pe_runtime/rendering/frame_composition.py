@@ -59,6 +59,44 @@ def compose_rays(
         levels: Feature maps to draw; empty for depth and shares only.
         settings: Sampling and skipping.
     """
+    surfaces = [i for i, each in enumerate(passages) if each.depth.shape[1] == 1]
+    if settings.release is not None or len(surfaces) in (0, len(passages)):
+        return _composed(passages, which, levels, settings)
+    # Most rays meet surfaces only: their tables are narrow.
+    busy = torch.zeros(which.shape[0], dtype=torch.bool, device=which.device)
+    for index, each in enumerate(passages):
+        if index not in surfaces:
+            busy |= each.row_of[which] >= 0
+    both = _composed(passages, which[busy], levels, settings)
+    plain = _composed([passages[i] for i in surfaces], which[~busy], levels, settings)
+    return _joined(both, plain, busy, surfaces, _parts(which, levels))
+
+
+def _joined(
+    both: Seen, plain: Seen, busy: Tensor, surfaces: Sequence[int], parts: Sequence[slice]
+) -> Seen:
+    """What all rays see, from those that meet volumes and those that meet surfaces only."""
+    shares = both.shares.new_zeros(busy.shape[0], both.shares.shape[1])
+    depth = both.depth.new_empty(busy.shape[0])
+    shares[busy], depth[busy], depth[~busy] = both.shares, both.depth, plain.depth
+    narrow = shares.new_zeros(plain.shares.shape[0], shares.shape[1])
+    narrow[:, list(surfaces)] = plain.shares
+    shares[~busy] = narrow
+    features = []
+    for part, first, second in zip(parts, both.features, plain.features, strict=True):
+        whole = first.new_empty(part.stop - part.start, first.shape[1])
+        whole[busy[part]], whole[~busy[part]] = first, second
+        features.append(whole)
+    return Seen(features, shares, depth, both.feature_samples + plain.feature_samples)
+
+
+def _composed(
+    passages: Sequence[FramePassage],
+    which: Int[Tensor, " rays"],
+    levels: Sequence[Level],
+    settings: RenderSettings,
+) -> Seen:
+    """What rays see that may meet all these objects."""
     rows = [each.row_of[which] for each in passages]
     weights = _weights(passages, which, settings)
     shares = which.new_zeros(which.shape[0], len(passages), dtype=torch.float32)

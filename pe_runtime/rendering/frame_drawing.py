@@ -15,12 +15,8 @@ from torch import Tensor
 
 from pe_runtime.geometry.cameras import Cameras
 from pe_runtime.rendering.frame_composition import Level, Seen, compose_rays
-from pe_runtime.rendering.frame_passages import (
-    FrameObject,
-    FramePassage,
-    FrameRays,
-    frame_passage,
-)
+from pe_runtime.rendering.frame_passages import FrameObject, FramePassage, FrameRays
+from pe_runtime.rendering.frame_sampling import frame_passage
 from pe_runtime.rendering.scene import RenderSettings
 
 CHUNK = 16384

@@ -11,10 +11,10 @@ from torch import Tensor
 from pe_runtime.rendering.folded_field import FoldedField
 from pe_runtime.rendering.scene import RenderSettings
 
-CELLS = (12, 12, 16)
+CELLS = (10, 10, 14)
 """Grid points along x, y and z of a volume."""
 
-EMPTY = 2e-3
+EMPTY = 1e-2
 """Optical thickness of a grid cell below which nothing is there."""
 
 
@@ -34,20 +34,28 @@ def occupied(
     count = CELLS[0] * CELLS[1] * CELLS[2]
     if coordinates[..., 0].numel() < 2 * count:
         return None
-    grid = dense_cells(field, coordinates.device)
-    cells = torch.tensor(CELLS, device=coordinates.device)
-    at = ((coordinates + 1) / 2 * cells).long().clamp_(min=0)
-    at = torch.minimum(at, cells - 1)
-    flat = (at[..., 0] * CELLS[1] + at[..., 1]) * CELLS[2] + at[..., 2]
-    return grid.flatten()[flat]
+    # One more cell at the upper end of each axis, for samples right on the face.
+    grid = torch.nn.functional.pad(dense_cells(field, coordinates.device), (0, 1) * 3)
+    grid[-1], grid[:, -1], grid[..., -1] = grid[-2], grid[:, -2], grid[..., -2]
+    half = torch.tensor(CELLS, device=coordinates.device) / 2
+    at = ((coordinates + 1) * half).to(torch.int32)
+    strides = torch.tensor([grid.stride(0), grid.stride(1), 1], device=at.device, dtype=at.dtype)
+    return grid.flatten().take((at * strides).sum(dim=-1))
 
 
 def dense_cells(field: FoldedField, device: torch.device) -> Bool[Tensor, "x y z"]:
-    """Cells that are dense in their middle, or beside one that is."""
+    """Cells that are dense in their middle, or share a face with one that is."""
     axes = [(torch.arange(n, device=device) + 0.5) / n * 2 - 1 for n in CELLS]
     points = torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1).reshape(-1, 3)
     _, density = field.geometry(points)
     config = field.config
     size = min((b - a) / n for a, b, n in zip(config.low, config.high, CELLS, strict=True))
-    dense = (density * size > EMPTY).float().reshape(1, 1, *CELLS)
-    return torch.nn.functional.max_pool3d(dense, 3, 1, 1)[0, 0] > 0
+    dense = (density * size > EMPTY).reshape(CELLS)
+    near = dense.clone()
+    near[1:] |= dense[:-1]
+    near[:-1] |= dense[1:]
+    near[:, 1:] |= dense[:, :-1]
+    near[:, :-1] |= dense[:, 1:]
+    near[..., 1:] |= dense[..., :-1]
+    near[..., :-1] |= dense[..., 1:]
+    return near
