@@ -5,7 +5,7 @@ that split a shot see exactly what one run in order would have seen.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import CheckpointError, ConfigError
 from pe_runtime.frame_renderer import FrameRenderer
 from pe_runtime.geometry.cameras import Cameras
+from pe_runtime.kept_frames import Frame, KeptFrames
 from pe_runtime.networks import Codes, SynthesisNetworks
 from pe_runtime.rendering.precision import multiplies_bfloat16
 from pe_runtime.rendering.scene import RenderSettings
@@ -53,23 +54,6 @@ class RenderOptions:
     masks: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class Frame:
-    """A rendered frame.
-
-    Attributes:
-        rgb: (height, width, 3) float32 sRGB in [0, 1].
-        depth: (height, width) float32 planar metres, +inf where nothing solid is; None unasked.
-        masks: Object name -> (height, width) float32 share of the pixel, in [0, 1].
-        statistics: Counters of rays, hits, samples and feature evaluations.
-    """
-
-    rgb: np.ndarray
-    depth: np.ndarray | None = None
-    masks: Mapping[str, np.ndarray] = field(default_factory=dict)
-    statistics: Mapping[str, int] = field(default_factory=dict)
-
-
 class PlayableEnvironment:
     """A trained model with its three verbs.
 
@@ -90,6 +74,7 @@ class PlayableEnvironment:
         self.config = config
         self.networks = networks.eval()
         self.renderer = FrameRenderer(self.networks)
+        self.kept_frames = KeptFrames()
         self.actions = {name: module.eval() for name, module in actions.items()}
         self.header = header
         self.device = next(networks.parameters()).device
@@ -264,6 +249,22 @@ class PlayableEnvironment:
         for name in options.masks:
             self.config.class_of(name)
         check_state(self.config, state)
+        key = (_decided_by(state), _view(camera), options.depth, options.masks, quality)
+        kept = self.kept_frames.get(key)
+        if kept is not None:
+            return kept
+        frame = self._drawn(state, camera, options, quality)
+        self.kept_frames.keep(key, frame)
+        return frame
+
+    def forget(self) -> None:
+        """Free what is kept of frames drawn before; the next one is drawn from nothing."""
+        self.renderer.forget()
+        self.kept_frames.clear()
+
+    def _drawn(
+        self, state: EnvironmentState, camera: Camera, options: RenderOptions, quality: Quality
+    ) -> Frame:
         settings = RenderSettings(
             near=self.config.near,
             weight_threshold=quality.weight_threshold,
@@ -282,10 +283,10 @@ class PlayableEnvironment:
             depth, masks = seen.depth, seen.masks
         nothing = np.zeros((camera.height, camera.width), np.float32)
         return Frame(
-            picture.permute(1, 2, 0).float().cpu().numpy(),
-            depth.float().cpu().numpy() if options.depth else None,
-            {n: masks[n].float().cpu().numpy() if n in masks else nothing for n in options.masks},
-            statistics,
+            np.ascontiguousarray(picture.permute(1, 2, 0).cpu().numpy()),
+            depth.cpu().numpy() if options.depth else None,
+            {n: masks[n].cpu().numpy() if n in masks else nothing for n in options.masks},
+            statistics | {"kept_frames": 0},
         )
 
     def _module(self, name: str, action: int) -> ActionModule:
@@ -322,6 +323,24 @@ class PlayableEnvironment:
         visible = torch.tensor([state.visible], device=self.device)
         heading = player.heading if state.heading else None
         return Codes(player.position, player.style, player.pose, visible, heading)
+
+
+def _decided_by(state: EnvironmentState) -> tuple:
+    """Equal for states that look the same, and for no others."""
+    return tuple(
+        (
+            name,
+            *(code.numpy().tobytes() for code in (each.position, each.style, each.pose)),
+            each.visible,
+            each.heading,
+        )
+        for name, each in state.objects.items()
+    )
+
+
+def _view(camera: Camera) -> tuple:
+    numbers = (camera.intrinsics, camera.world_from_camera)
+    return camera.width, camera.height, *(each.tobytes() for each in numbers)
 
 
 def _switches(quality: str | Quality) -> Quality:

@@ -37,19 +37,27 @@ def boxes(view=VIEW, places=PLACES):
 
 
 @pytest.fixture(scope="module")
-def env():
+def loaded():
     return small_environment()
 
 
-@pytest.fixture(scope="module")
-def state(env):
-    return env.encode(picture(), VIEW, boxes())
+@pytest.fixture
+def env(loaded):
+    """The same model for all tests, with nothing kept of their frames."""
+    loaded.forget()
+    return loaded
 
 
 @pytest.fixture(scope="module")
-def model_file(env, tmp_path_factory):
+def state(loaded):
+    return loaded.encode(picture(), VIEW, boxes())
+
+
+@pytest.fixture(scope="module")
+def model_file(loaded, tmp_path_factory):
     path = tmp_path_factory.mktemp("model") / "small.safetensors"
-    write_model(path, env.config, env.networks, env.actions, {"action_names": {"player": ACTIONS}})
+    facts = {"action_names": {"player": ACTIONS}}
+    write_model(path, loaded.config, loaded.networks, loaded.actions, facts)
     return path
 
 
@@ -295,6 +303,7 @@ def test_masks_sum_to_one_and_depth_is_metres_or_infinite(env, state):
 
 def test_a_hidden_player_is_gone_from_the_picture_and_its_mask_is_empty(env, state):
     hidden = env.render(hide(state, "player_1"), VIEW, EVERYTHING)
+    env.forget()
     shown = env.render(state, VIEW, EVERYTHING)
     assert not hidden.masks["player_1"].any()
     assert shown.masks["player_1"].any()

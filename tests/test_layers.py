@@ -23,6 +23,7 @@ LAYERS = (
     ("networks",),
     ("frame_renderer",),
     ("checkpoint", "dataset", "images"),
+    ("kept_frames",),
     ("admission", "environment"),
     ("shots", "mesh"),
     ("training", "evaluation", "interop", "footage", "recording", "cluster"),

@@ -1,0 +1,78 @@
+"""Frames that need not be drawn again, because everything that decides them is as it was."""
+
+from collections import OrderedDict
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+LIMIT = 64 * 2**20
+"""Bytes of pictures that are kept: 36 of 512x288 without further passes."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A rendered frame.
+
+    Attributes:
+        rgb: (height, width, 3) float32 sRGB in [0, 1].
+        depth: (height, width) float32 planar metres, +inf where nothing solid is; None unasked.
+        masks: Object name -> (height, width) float32 share of the pixel, in [0, 1].
+        statistics: What it cost: rays, composed_rays, hits, field_samples, feature_samples,
+            kept_objects, kept_frames.
+    """
+
+    rgb: np.ndarray
+    depth: np.ndarray | None = None
+    masks: Mapping[str, np.ndarray] = field(default_factory=dict)
+    statistics: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of its arrays."""
+        arrays = [self.rgb, *self.masks.values(), *([] if self.depth is None else [self.depth])]
+        return sum(each.nbytes for each in arrays)
+
+
+class KeptFrames:
+    """The frames drawn last, by all that decides them; the oldest give way.
+
+    Args:
+        limit: Bytes of pictures that are kept at most.
+    """
+
+    def __init__(self, limit: int = LIMIT) -> None:
+        self.limit = limit
+        self._frames: OrderedDict[Hashable, Frame] = OrderedDict()
+
+    def get(self, key: Hashable) -> Frame | None:
+        """The frame of a key, at no cost but a copy; None if it has to be drawn."""
+        found = self._frames.get(key)
+        if found is None:
+            return None
+        self._frames.move_to_end(key)
+        nothing = dict.fromkeys(found.statistics, 0)
+        return replace(_copied(found), statistics=nothing | {"kept_frames": 1})
+
+    def keep(self, key: Hashable, frame: Frame) -> None:
+        """Remember a copy of a frame, and forget the oldest beyond the limit."""
+        if frame.nbytes > self.limit:
+            return
+        self._frames[key] = _copied(frame)
+        while sum(each.nbytes for each in self._frames.values()) > self.limit:
+            self._frames.popitem(last=False)
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._frames.clear()
+
+
+def _copied(frame: Frame) -> Frame:
+    """The same numbers in arrays of their own, which nobody else can change."""
+    depth = None if frame.depth is None else frame.depth.copy()
+    return replace(
+        frame,
+        rgb=frame.rgb.copy(),
+        depth=depth,
+        masks={n: m.copy() for n, m in frame.masks.items()},
+    )
