@@ -28,8 +28,6 @@ COMPANY = (
 )
 """Casts, and how many more players they have."""
 FRAMES = 3
-ROUNDS_OF_OBJECTS = 3
-"""Times the repeats: differences of a few per cent need more of them."""
 
 
 def measure_pixels(bench: Bench) -> dict[str, Any]:
@@ -54,7 +52,9 @@ def measure_pixels(bench: Bench) -> dict[str, Any]:
             | {"seconds": asdict(seconds[cases[name, (w, h)].name])}
             for w, h in sizes
         ]
-        slope = log_slope([r["pixels"] for r in rows], [r["seconds"]["median"] for r in rows])
+        slope = log_slope(
+            [float(r["pixels"]) for r in rows], [r["seconds"]["median"] for r in rows]
+        )
         section[name] = {"slope": slope, "sizes": rows}
     return section
 
@@ -68,7 +68,7 @@ def measure_objects(bench: Bench) -> list[dict[str, Any]]:
         (cast, count): Case(f"{cast} {count}", exact, "moving", FRAMES, cast=cast, count=count)
         for cast, count in COMPANY
     }
-    found = bench.run(tuple(cases.values()), bench.plan.repeats * ROUNDS_OF_OBJECTS)
+    found = bench.run(tuple(cases.values()), bench.plan.object_rounds)
     seconds, counters = _following(found), {run.case: run.statistics for run in found.runs}
     usual = seconds[cases["as found", 0].name].median
     return [

@@ -7,7 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pe_runtime.benchmark.machine import ROWS, Machine, describe_machine, peak_memory
+from pe_runtime.benchmark.machine import (
+    ROWS,
+    Machine,
+    describe_machine,
+    peak_gpu_memory,
+    peak_memory,
+)
 from pe_runtime.benchmark.motion import film
 from pe_runtime.benchmark.scenes import Scene, open_scene
 from pe_runtime.benchmark.timing import interleaved
@@ -75,7 +81,8 @@ class Measurement:
 
     Attributes:
         machine: Where; the product was timed right after the films.
-        loaded_memory: Peak before anything was drawn, MiB.
+        loaded_memory: Peak before anything was drawn, MiB; None where unknown.
+        gpu_memory: Peak of tensors on the GPU, MiB; None on the CPU.
         cold_seconds: The very first frame of the process, which also chooses kernels.
         runs: In the order in which they were drawn.
         pictures: "case/frame" -> (height, width, 3) sRGB, of the first round.
@@ -83,6 +90,7 @@ class Measurement:
 
     machine: Machine
     loaded_memory: float | None
+    gpu_memory: float | None
     cold_seconds: float
     runs: tuple[Run, ...]
     pictures: Mapping[str, np.ndarray]
@@ -105,8 +113,11 @@ def carry_out(job: Job) -> Measurement:
         run, seen = _draw(scenes[case.name], case, pictures)
         pictures |= seen
         runs.append(run)
-    machine = describe_machine(scene.environment.device.type, job.product_rows)
-    return Measurement(machine, loaded, cold[0][0], tuple(runs), pictures)
+    kind = scene.environment.device.type
+    # Before the product, whose operands are larger than many a model.
+    on_gpu = peak_gpu_memory(kind)
+    machine = describe_machine(kind, job.product_rows)
+    return Measurement(machine, loaded, on_gpu, cold[0][0], tuple(runs), pictures)
 
 
 def vary(scene: Scene, case: Case) -> Scene:

@@ -76,6 +76,13 @@ def peak_memory() -> float | None:
     return int(lines["VmHWM"].split()[0]) / 1024
 
 
+def peak_gpu_memory(device: str) -> float | None:
+    """Most memory that tensors of this process ever held on a GPU, in MiB; None on the CPU."""
+    if not device.startswith("cuda"):
+        return None
+    return torch.cuda.max_memory_allocated(device) / (1 << 20)
+
+
 def _processor(device: str) -> str:
     if device.startswith("cuda"):
         return torch.cuda.get_device_name(device)

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,8 @@ class Plan:
     """Frames of each film; the first counts apart."""
     repeats: int = 3
     """Fresh processes per point, and rounds of the cost sections."""
+    object_rounds: int = 9
+    """Rounds of the section "objects": differences of a few per cent need more of them."""
     long_film: int = 500
     """Frames over which the memory may not grow."""
     finer: int = 16
@@ -44,15 +47,25 @@ class Plan:
     product_rows: int = ROWS
 
     def as_dict(self) -> dict[str, Any]:
-        """JSON-able form."""
-        return asdict(self)
+        """JSON-able form; of files it keeps the names, since folders are the user's own."""
+        named = {
+            "models": [name_of(model) for model in self.models],
+            "start": None if self.start is None else name_of(self.start),
+            "sections": list(self.sections),
+        }
+        return asdict(self) | named
+
+
+def name_of(model: str) -> str:
+    """A built-in name as it is, a path without its folder and suffix."""
+    return Path(model).stem
 
 
 def quick(plan: Plan) -> Plan:
     """The same in seconds: small pictures, few frames. Says that it works, not how fast it is."""
     models = QUICK_MODELS if plan.models == DEFAULT_MODELS else plan.models
     rows = ROWS // 50
-    small = {"frames": 3, "repeats": 1, "long_film": 6, "finer": 4, "shrink": 4}
+    small = {"frames": 3, "repeats": 1, "object_rounds": 1, "long_film": 6, "finer": 4, "shrink": 4}
     return replace(plan, models=models, switches=False, product_rows=rows, **small)
 
 

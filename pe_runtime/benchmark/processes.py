@@ -45,6 +45,7 @@ def carry_out_in(folder: Path) -> None:
     plain = {
         "machine": asdict(found.machine),
         "loaded_memory": found.loaded_memory,
+        "gpu_memory": found.gpu_memory,
         "cold_seconds": found.cold_seconds,
         "runs": [asdict(run) for run in found.runs],
     }
@@ -59,5 +60,11 @@ def _read(folder: Path) -> Measurement:
         Run(each["case"], tuple(each["seconds"]), tuple(each["memory"]), each["statistics"])
         for each in plain["runs"]
     )
-    machine = Machine(**plain["machine"])
-    return Measurement(machine, plain["loaded_memory"], plain["cold_seconds"], runs, pictures)
+    return Measurement(
+        Machine(**plain["machine"]),
+        plain["loaded_memory"],
+        plain["gpu_memory"],
+        plain["cold_seconds"],
+        runs,
+        pictures,
+    )

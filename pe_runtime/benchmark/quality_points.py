@@ -58,6 +58,7 @@ def _record(
         "memory": {
             "loaded": max(loaded, default=None),
             "peak": max(peaks, default=None),
+            "gpu": found[-1].gpu_memory,
         },
         "statistics": {run.case: dict(run.statistics) for run in runs},
         "machine": asdict(found[-1].machine),

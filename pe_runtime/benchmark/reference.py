@@ -55,7 +55,7 @@ def reference_picture(
         sRGB in [0, 1].
     """
     config = environment.config
-    weights = {n: t.double().cpu() for n, t in environment.networks.state_dict().items()}
+    weights = _weights(environment)
     objects = _objects(config, weights, state, finer)
     strides, widths = config.feature_renderer.strides, config.feature_renderer.features
     cells = [max(2, -(-extent // strides[-1])) for extent in (camera.height, camera.width)]
@@ -68,6 +68,24 @@ def reference_picture(
         first += width
     picture = decode(maps, below(weights, "feature_renderer."), config.feature_renderer)
     return picture[:, : camera.height, : camera.width].permute(1, 2, 0).numpy()
+
+
+@torch.no_grad()
+def reference_features(
+    environment: PlayableEnvironment,
+    state: EnvironmentState,
+    camera: Camera,
+    pixels: Float[Tensor, "rays 2"],
+    channels: slice,
+) -> Float[Tensor, "rays channels"]:
+    """What the rays through some pixels see, float64, before the ConvNet."""
+    config = environment.config
+    objects = _objects(config, _weights(environment), state, 1)
+    return _look(config, objects, camera, pixels, channels)
+
+
+def _weights(environment: PlayableEnvironment) -> Weights:
+    return {n: t.double().cpu() for n, t in environment.networks.state_dict().items()}
 
 
 def below(weights: Weights, prefix: str) -> Weights:

@@ -17,7 +17,7 @@ from pe_runtime.benchmark.costs import (
 )
 from pe_runtime.benchmark.jobs import Job, Measurement
 from pe_runtime.benchmark.machine import describe_machine
-from pe_runtime.benchmark.plan import SECTIONS, Bench, Plan
+from pe_runtime.benchmark.plan import SECTIONS, Bench, Plan, name_of
 from pe_runtime.benchmark.points import all_points
 from pe_runtime.benchmark.processes import measure
 from pe_runtime.benchmark.quality_points import measure_points
@@ -105,7 +105,7 @@ def _opened(plan: Plan, model: str) -> Scene:
 def _about(model: str, scene: Scene) -> dict[str, Any]:
     config = scene.environment.config
     return {
-        "model": Path(model).stem if Path(model).is_file() else model,
+        "model": name_of(model),
         "name": config.name,
         "width": scene.camera.width,
         "height": scene.camera.height,
