@@ -1,7 +1,8 @@
 """Frames of a trained model, one after the other; what the next shares with the last is kept."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float
@@ -24,6 +25,9 @@ from pe_runtime.rendering.partial_decoding import Decoded, decode, decode_again
 from pe_runtime.rendering.prepared_renderer import PreparedRenderer, prepared
 from pe_runtime.rendering.sampling import grid_pixels
 from pe_runtime.rendering.scene import RenderSettings
+
+BASE_STEP = 256.0
+"""Steps of the depth from which samples of distant objects count, metres."""
 
 
 @dataclass(frozen=True)
@@ -121,8 +125,9 @@ class FrameRenderer:
             pixels.append(grid_pixels(0, 0, *size, stride))
             levels.append(Level(slice(start, start + pixels[-1].shape[0]), own))
             start += pixels[-1].shape[0]
-        rays = self._frame_rays(camera, torch.cat(pixels))
         placed = self._placed(codes, settings)
+        rays = self._frame_rays(camera, torch.cat(pixels))
+        rays = replace(rays, base=base_depth(camera, placed, settings))
         drawn = draw_features(rays, levels, placed, settings, self._kept)
         self._kept = drawn.kept
         return drawn
@@ -136,6 +141,7 @@ class FrameRenderer:
         placed = self._placed(codes, settings)
         pixels = grid_pixels(0, 0, camera.height, camera.width, 1).to(camera.intrinsics.device)
         rays, shape = self._rays_through(camera, pixels), (camera.height, camera.width)
+        rays = replace(rays, base=base_depth(camera, placed, settings))
         parts = [
             look(rays, start, min(start + CHUNK, len(rays)), [], placed, settings)[0]
             for start in range(0, len(rays), CHUNK)
@@ -144,7 +150,7 @@ class FrameRenderer:
         kinds = [self.config.class_of(name).kind for name in placed]
         solid = [i for i, kind in enumerate(kinds) if kind != "sky"]
         covered = shares[:, solid].sum(dim=1)
-        depth = torch.cat([each.depth for each in parts]) / covered.clamp(min=1e-6)
+        depth = torch.cat([each.depth for each in parts]) / covered.clamp(min=1e-6) + rays.base
         depth = torch.where(covered >= 0.5, depth, torch.inf).reshape(shape)
         return Geometry(depth, {n: shares[:, i].reshape(shape) for i, n in enumerate(placed)})
 
@@ -181,6 +187,28 @@ class FrameRenderer:
             )
         self._folded = folded
         return placed
+
+
+def base_depth(camera: Cameras, placed: Mapping[str, Placed], settings: RenderSettings) -> float:
+    """A planar depth in metres before which there is nothing; 0 for all but distant cameras.
+
+    In coarse steps, so that it stays what it is while objects move.
+    """
+    if settings.release is not None:
+        return 0.0
+    centre, ahead = camera.centres[0].tolist(), camera.rotations[0, :, 2].tolist()
+    nearest = math.inf
+    for each in placed.values():
+        config = each.object.field.config
+        if config.kind == "sky":
+            continue
+        corners = [max(abs(a), abs(b)) for a, b in zip(config.low, config.high, strict=True)]
+        way = [p - c for p, c in zip(each.object.position.tolist(), centre, strict=True)]
+        depth = sum(a * b for a, b in zip(way, ahead, strict=True)) - math.hypot(*corners)
+        nearest = min(nearest, depth)
+    if not BASE_STEP < nearest < math.inf:
+        return 0.0
+    return BASE_STEP * (nearest // BASE_STEP)
 
 
 def _bytes(values: Tensor) -> bytes:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from small_world import HEIGHT, WIDTH, camera, random_codes, small_config, small_networks
 from training.test_release_training import release_config
 
-from pe_runtime.frame_renderer import FrameRenderer
+from pe_runtime.frame_renderer import FrameRenderer, base_depth
 from pe_runtime.geometry.cameras import Cameras, ray_directions
 from pe_runtime.networks import SynthesisNetworks
 from pe_runtime.rendering.renderer import compose
@@ -242,3 +242,27 @@ def test_no_objects_and_minimal_pictures_are_drawn_too(networks):
         seen = FrameRenderer(networks).geometry(cameras, {}, KEEPING)
         assert torch.isinf(seen.depth).all()
         assert seen.masks == {}
+
+
+def test_far_objects_are_drawn_from_their_differences_in_depth():
+    networks = NETWORKS["interval"]
+    codes = {n: c for n, c in codes_of(networks).items() if n in NAMES}
+    near, far = view(), view()
+    pose = far.world_from_camera.clone()
+    pose[0, :3, 3] -= 3e5 * pose[0, :3, 2]
+    intrinsics = far.intrinsics.clone()
+    # A lens that brings the players back to the size that they had.
+    distance = 5.0
+    intrinsics[:, :2, :2] *= (3e5 + distance) / distance
+    far = replace(far, world_from_camera=pose, intrinsics=intrinsics)
+    renderer = FrameRenderer(networks)
+    placed = renderer._placed(codes, KEEPING)
+    assert base_depth(near, placed, KEEPING) == 0.0
+    assert 2.99e5 < base_depth(far, placed, KEEPING) < 3e5 + 5
+    found = renderer.features(far, codes, KEEPING)
+    depths = [each.depth for each in found.kept.passages.values()]
+    assert max(each.max().item() for each in depths) < 1e3
+    assert (found.kept.passages["player_1"].depth.diff(dim=1) > 0).all()
+    seen = renderer.geometry(far, codes, KEEPING)
+    solid = torch.isfinite(seen.depth)
+    assert ((seen.depth[solid] - 3e5 - distance).abs() < 3.0).all()

@@ -11,6 +11,9 @@ from pe_runtime.field.layers import Modulation, PositionalEncoding, per_ray, sta
 DENSITY_SHIFT = 2.5
 """Raw densities start around 0; the shift makes volumes start as thin fog, not as solid blocks."""
 
+LARGEST = 1e30
+"""Density per metre beyond which nothing gets denser: products with it stay finite."""
+
 
 class ObjectField(nn.Module):
     """V with its optional ray bending B.
@@ -95,8 +98,10 @@ class ObjectField(nn.Module):
     def density_of(self, raw: Float[Tensor, "*batch"]) -> Float[Tensor, "*batch"]:
         """Density per metre of raw outputs."""
         if self.config.field.density == "relu":
-            return torch.relu(raw) * self.config.field.density_scale
-        return nn.functional.softplus(raw - DENSITY_SHIFT) * self.config.field.density_scale
+            density = torch.relu(raw)
+        else:
+            density = nn.functional.softplus(raw - DENSITY_SHIFT)
+        return (density * self.config.field.density_scale).clamp(max=LARGEST)
 
     def branch(
         self,

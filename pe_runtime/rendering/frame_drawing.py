@@ -87,7 +87,7 @@ def draw_features(
     """
     if len(rays) > KEPT_RAYS:
         return _in_chunks(rays, levels, placed, settings)
-    view = (camera_key(rays.camera), len(rays), settings)
+    view = (camera_key(rays.camera), len(rays), rays.base, settings)
     kept = kept if kept is not None and kept.view == view else None
     passages, fresh = _passages(rays, placed, settings, kept)
     which = _changed_rays(rays, passages, fresh, kept)
@@ -232,8 +232,11 @@ def look(
         placed: The visible objects by name, in the order of the model.
         settings: Sampling and skipping.
     """
-    own = FrameRays(
-        rays.camera, rays.pixels[start:stop], rays.directions[start:stop], rays.lengths[start:stop]
+    own = replace(
+        rays,
+        pixels=rays.pixels[start:stop],
+        directions=rays.directions[start:stop],
+        lengths=rays.lengths[start:stop],
     )
     within = [
         Level(

@@ -19,12 +19,15 @@ class FrameRays:
         pixels: Where each ray passes through the picture.
         directions: World directions per metre of planar depth.
         lengths: Their lengths; float32.
+        base: Planar depth from which depths of samples count, metres. From far away the differences
+            are what has the digits. Always 0 under "release-2022".
     """
 
     camera: Cameras
     pixels: Float[Tensor, "rays 2"]
     directions: Float[Tensor, "rays 3"]
     lengths: Float[Tensor, " rays"]
+    base: float = 0.0
 
     def __len__(self) -> int:
         """Number of rays."""
@@ -56,7 +59,7 @@ class FramePassage:
         object: Whose samples they are.
         rays: Which rays, in order.
         row_of: For every ray of the frame its row here, or -1.
-        depth: Planar depths, nearest first.
+        depth: Planar depths beyond `FrameRays.base`, nearest first.
         thickness: Optical thickness; under "release-2022" per metre of planar depth.
         slot: Row of each sample in `coordinates` and `hidden`; -1 where nothing was evaluated.
         coordinates: Where the field was, or would be, asked; float32.

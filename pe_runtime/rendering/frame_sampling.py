@@ -79,7 +79,9 @@ def frame_passage(
         some = torch.nonzero(wanted.any(dim=1))[:, 0]
         index, wanted = index[some], wanted[some]
         depth, length, coordinates = depth[some], length[some], coordinates[some]
-    return _evaluated(rays, each, index, (depth.float(), length, coordinates), wanted, settings)
+    return _evaluated(
+        rays, each, index, ((depth - rays.base).float(), length, coordinates), wanted, settings
+    )
 
 
 def _evaluated(
@@ -133,7 +135,10 @@ def _wanted(
     if settings.occupancy and each.field.config.kind == "playable":
         wanted = occupied(each.field, coordinates, settings)
     if settings.termination > 0 and before:
-        lit = light_at(before, index, depth[:, :1].float(), settings) > settings.termination
+        lit = (
+            light_at(before, index, (depth[:, :1] - rays.base).float(), settings)
+            > settings.termination
+        )
         lit = lit.expand(depth.shape)
         wanted = lit if wanted is None else wanted & lit
     return wanted
@@ -168,7 +173,9 @@ def _opaque(
     points = (origins + depth[..., None] * directions)[:, 0]
     low, high = points.new_tensor(config.low), points.new_tensor(config.high)
     coordinates = ((points - (low + high) / 2) / ((high - low) / 2)).float().clamp_(-1.0, 1.0)
-    return _surface(rays, each, index, (depth.float(), OPAQUE), coordinates, 2 * SKY_DEPTH)
+    return _surface(
+        rays, each, index, ((depth - rays.base).float(), OPAQUE), coordinates, 2 * SKY_DEPTH
+    )
 
 
 def _sky(rays: FrameRays, each: FrameObject, settings: RenderSettings) -> FramePassage:

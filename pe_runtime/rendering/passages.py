@@ -13,7 +13,7 @@ from pe_runtime.rendering.release_2022 import SKY_DENSITY, place_samples, within
 from pe_runtime.rendering.sampling import sample_intervals
 from pe_runtime.rendering.scene import Rays, RenderSettings, SceneObject
 
-SKY_DEPTH = 1e9
+SKY_DEPTH = 1e30
 """Planar depth of a sky in metres: behind everything, and finite so that products stay finite."""
 
 
@@ -164,8 +164,10 @@ def _as_released(
     coordinates = each.field.coordinates(points).clamp(-1.0, 1.0)
     # A third of the samples lies outside, where nothing needs to be evaluated.
     row, column = torch.nonzero(inside, as_tuple=True)
-    row, column = padded(row, settings.bucket, 0), padded(column, settings.bucket, 0)
-    evaluated = each.field.trunk(coordinates[row, column][:, None], frame[row], each.pose)
+    filled = padded(row, settings.bucket, 0), padded(column, settings.bucket, 0)
+    evaluated = each.field.trunk(coordinates[filled][:, None], frame[filled[0]], each.pose)
+    # What fills the bucket goes nowhere: put back, each of it would count in the gradient.
+    evaluated = evaluated[: row.shape[0]]
     hidden = evaluated.new_zeros(*depth.shape, evaluated.shape[-1])
     hidden = hidden.index_put((row, column), evaluated[:, 0])
     density = each.field.densities(evaluated, settings.density_noise)[:, 0]
