@@ -6,6 +6,8 @@ from collections.abc import Sequence
 import typer
 
 from pe_runtime.cli import datasets, doors, extension, interop, pictures, playing, training
+from pe_runtime.cli.benchmark import bench
+from pe_runtime.cli.clusters import ClusterCommand
 from pe_runtime.cli.terminal import complain, shared
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
@@ -22,10 +24,11 @@ def build_app() -> typer.Typer:
     app.command()(shared(pictures.info))
     app.command()(shared(pictures.encode))
     app.command()(shared(playing.play))
-    app.command()(shared(pictures.render))
+    app.command(cls=ClusterCommand)(shared(pictures.render))
     app.add_typer(datasets.app, name="dataset")
     app.add_typer(training.app, name="train")
     app.command()(shared(training.evaluate))
+    app.command()(shared(bench))
     app.command()(shared(interop.import_official))
     app.add_typer(extension.app, name="extension")
     app.command()(doors.worker)

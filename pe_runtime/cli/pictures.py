@@ -6,8 +6,9 @@ from typing import Annotated, Any
 
 import typer
 
-from pe_runtime.cli.interrupts import stop_on_interrupt
-from pe_runtime.cli.terminal import device, parse_frames, progress, show
+from pe_runtime.cli.clusters import Cluster, drawing_on
+from pe_runtime.cli.interrupts import EXIT_CODE, stop_on_interrupt
+from pe_runtime.cli.terminal import device, note, parse_frames, progress, show
 
 Model = Annotated[str, typer.Option(help="Name of a built-in model, or a model file.")]
 DEFAULT_MODEL = "duel"
@@ -64,15 +65,23 @@ def render(
     frames: Annotated[str | None, typer.Option(help="Only these, such as 1-24,30.")] = None,
     resume: Annotated[bool, typer.Option(help="Keep frames that are still right.")] = True,
     mp4: Annotated[bool, typer.Option("--mp4", help="Also write render.mp4.")] = False,
+    cluster: Cluster = None,
 ) -> None:
-    """Draw the frames of a shot."""
+    """Draw the frames of a shot, here or on a cluster."""
     from pe_runtime.environment import PlayableEnvironment
-    from pe_runtime.shots import load_shot, render_shot
+    from pe_runtime.shots import RenderCancelledError, load_shot
+    from pe_runtime.shots.files import draw_missing, plan_frames
 
+    drawing = draw_missing if cluster is None else drawing_on(cluster)
     job, wanted = load_shot(shot), None if frames is None else parse_frames(frames)
     environment = PlayableEnvironment.load(job.model, device())
-    with progress("frames") as report, stop_on_interrupt() as stopped:
-        done = render_shot(environment, job, out, wanted, resume, report, stopped)
+    try:
+        with progress("frames") as report, stop_on_interrupt() as stopped:
+            plan = plan_frames(environment, job, out, wanted, resume)
+            done = drawing(environment, plan, report, stopped)
+    except RenderCancelledError as cancelled:
+        note(f"{out}: {cancelled}; they are there, the same command draws the others")
+        raise typer.Exit(EXIT_CODE) from None
     video = join_frames(out, wanted or list(job.frames), job.fps, "render.mp4") if mp4 else None
     show(frames_result(out, done) | {"video": video}, frames_summary(out, done, video))
 

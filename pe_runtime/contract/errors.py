@@ -25,5 +25,9 @@ class WorkerError(PlayableEnvironmentError):
     """The worker process failed, died, or the messages on its pipe make no sense."""
 
 
+class ClusterError(PlayableEnvironmentError):
+    """A cluster cannot be reached, its workers cannot draw, or they are of another version."""
+
+
 class CameraError(PlayableEnvironmentError):
     """A camera is not a pinhole, or the geometry seen through it has no answer."""

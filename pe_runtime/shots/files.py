@@ -105,12 +105,7 @@ def render_shot(
         ShotError: The shot cannot be run in this environment.
     """
     plan = plan_frames(world, shot, output, frames, resume)
-    drawn = render_frames(world, plan.prepared, plan.missing, should_stop=should_stop)
-    for done, (number, frame) in enumerate(drawn, start=len(plan.kept) + 1):
-        write_frame(plan.folder, number, frame, plan.digests[number])
-        if on_progress is not None:
-            on_progress(done, len(plan.digests))
-    return RenderReport(plan.missing, plan.kept, time.perf_counter() - plan.began)
+    return draw_missing(world, plan, on_progress, should_stop)
 
 
 def plan_frames(
@@ -130,6 +125,21 @@ def plan_frames(
     kept = [n for n in wanted if resume and _is_current(folder, n, shot, digests[n])]
     missing = [frame for frame in wanted if frame not in kept]
     return FramePlan(prepared, folder, digests, tuple(kept), tuple(missing), began)
+
+
+def draw_missing(
+    world: World,
+    plan: FramePlan,
+    on_progress: OnProgress | None = None,
+    should_stop: ShouldStop | None = None,
+) -> RenderReport:
+    """Draw and write the frames of a plan that its folder lacks; as `render_shot`."""
+    drawn = render_frames(world, plan.prepared, plan.missing, should_stop=should_stop)
+    for done, (number, frame) in enumerate(drawn, start=len(plan.kept) + 1):
+        write_frame(plan.folder, number, frame, plan.digests[number])
+        if on_progress is not None:
+            on_progress(done, len(plan.digests))
+    return RenderReport(plan.missing, plan.kept, time.perf_counter() - plan.began)
 
 
 def frame_path(folder: Path, frame: int) -> Path:
