@@ -90,8 +90,25 @@ def bake_of(settings: object) -> Bake:
     return read_bake(settings.bake_text.as_string(), settings.bake_text.name)
 
 
-def shot_for_moment(bake: Bake, moment: Moment, fps: float) -> Shot:
-    """The baked shot as this frame of the scene wants it.
+@dataclass(frozen=True)
+class Output:
+    """What is wanted of a frame, whatever it shows.
+
+    Attributes:
+        width: Columns.
+        height: Rows.
+        quality: The Shot's quality.
+        passes: The Shot's passes.
+    """
+
+    width: int
+    height: int
+    quality: str = "exact"
+    passes: tuple[str, ...] = ()
+
+
+def take_of_moment(bake: Bake, moment: Moment, fps: float, output: Output) -> Shot:
+    """One frame of the baked shot, as the scene wants it.
 
     Raises:
         ShotError: The frame lies outside the bake, or the scene asks for other actions, objects
@@ -106,13 +123,22 @@ def shot_for_moment(bake: Bake, moment: Moment, fps: float) -> Shot:
     if abs(fps - shot.fps) > 1e-6 * shot.fps:
         raise ShotError(f"the scene runs at {fps:g} fps, the bake at {shot.fps:g}; {BAKE_AGAIN}")
     _check_objects(shot, moment)
-    cameras = _cameras(shot, moment)
-    camera_moved = cameras[frame - shot.frame_start] is moment.camera
+    baked = _baked_camera(bake, frame, output)
+    camera = baked if _same_view(baked, moment.camera) else moment.camera
     tracks = tuple(
-        _track(track, bake, moment.tracks[track.name], frame, camera_moved)
+        _track(track, bake, moment.tracks[track.name], frame - shot.frame_start)
         for track in shot.objects
     )
-    return dataclasses.replace(shot, cameras=cameras, objects=tracks)
+    return _take(shot, frame, camera, tracks, output)
+
+
+def take_as_baked(bake: Bake, frame: int, output: Output) -> Shot:
+    """One frame of the baked shot, with nothing changed since; `frame` is a baked one."""
+    index = frame - bake.shot.frame_start
+    tracks = tuple(
+        _still(track, track.visible is None or track.visible[index]) for track in bake.shot.objects
+    )
+    return _take(bake.shot, frame, _baked_camera(bake, frame, output), tracks, output)
 
 
 def _check_objects(shot: Shot, moment: Moment) -> None:
@@ -131,16 +157,26 @@ def _check_objects(shot: Shot, moment: Moment) -> None:
             )
 
 
-def _cameras(shot: Shot, moment: Moment) -> tuple[Camera, ...]:
-    """Baked cameras on the scene's pixel grid; the scene's own at this frame if it has moved."""
-    width, height = moment.camera.width, moment.camera.height
-    cameras = shot.cameras
-    if (cameras[0].width, cameras[0].height) != (width, height):
-        cameras = tuple(camera.scaled(width, height) for camera in cameras)
-    index = moment.frame - shot.frame_start
-    if _same_view(cameras[index], moment.camera):
-        return cameras
-    return (*cameras[:index], moment.camera, *cameras[index + 1 :])
+def _take(
+    shot: Shot, frame: int, camera: Camera, tracks: tuple[ObjectTrack, ...], output: Output
+) -> Shot:
+    return dataclasses.replace(
+        shot,
+        frame_start=frame,
+        frame_end=frame,
+        cameras=(camera,),
+        objects=tracks,
+        quality=output.quality,
+        passes=output.passes,
+    )
+
+
+def _baked_camera(bake: Bake, frame: int, output: Output) -> Camera:
+    """The baked camera on the pixel grid that is wanted now."""
+    camera = bake.shot.camera_at(frame)
+    if (camera.width, camera.height) == (output.width, output.height):
+        return camera
+    return camera.scaled(output.width, output.height)
 
 
 def _same_view(a: Camera, b: Camera) -> bool:
@@ -151,41 +187,18 @@ def _same_view(a: Camera, b: Camera) -> bool:
     )
 
 
-def _track(
-    track: ObjectTrack, bake: Bake, now: TrackMoment, frame: int, camera_moved: bool
-) -> ObjectTrack:
-    index = frame - bake.shot.frame_start
-    visible = track.visible or (True,) * len(bake.shot.frames)
-    if visible[index] != now.visible:
-        visible = (*visible[:index], now.visible, *visible[index + 1 :])
-        track = dataclasses.replace(track, visible=visible)
-    # A moved camera would make the model predict another path, so the baked one is spelt out.
-    return dataclasses.replace(
-        track,
-        locations=_locations(bake.paths[track.name], now, index, camera_moved),
-        headings=_headings(bake, track.name, now, index, camera_moved),
-    )
+def _still(track: ObjectTrack, visible: bool) -> ObjectTrack:
+    """One frame of a track, standing where it is predicted; actions count in the whole only."""
+    return ObjectTrack(track.name, visible=None if visible else (False,), styles=track.styles)
 
 
-def _locations(
-    path: np.ndarray, now: TrackMoment, index: int, spelt_out: bool
-) -> tuple[tuple[float, float, float], ...] | None:
-    if not spelt_out and np.abs(path[index] - now.location).max() <= MOVED_METRES:
-        return None
-    points = [tuple(float(x) for x in point) for point in path]
-    points[index] = now.location
-    return tuple(points)
-
-
-def _headings(
-    bake: Bake, name: str, now: TrackMoment, index: int, spelt_out: bool
-) -> tuple[float, ...] | None:
+def _track(track: ObjectTrack, bake: Bake, now: TrackMoment, index: int) -> ObjectTrack:
+    moved = np.abs(bake.paths[track.name][index] - now.location).max() > MOVED_METRES
     # Objects without a predicted heading keep the axes of the environment until they are turned.
-    baked = bake.headings.get(name, np.zeros(len(bake.shot.frames)))
-    turned = abs(math.remainder(now.heading - baked[index], math.tau)) > TURNED_RADIANS
-    if not turned and not (spelt_out and name in bake.headings):
-        return None
-    headings = [float(heading) for heading in baked]
-    if turned:
-        headings[index] = now.heading
-    return tuple(headings)
+    baked = float(bake.headings[track.name][index]) if track.name in bake.headings else 0.0
+    turned = abs(math.remainder(now.heading - baked, math.tau)) > TURNED_RADIANS
+    return dataclasses.replace(
+        _still(track, now.visible),
+        locations=(now.location,) if moved else None,
+        headings=(now.heading,) if turned else None,
+    )

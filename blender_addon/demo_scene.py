@@ -104,8 +104,6 @@ def film(spec: DemoSpec) -> dict[str, Any]:
             image=str(Path(spec.image).resolve()), model=spec.model, boxes=json.dumps(spec.boxes)
         )
         scene.playable_environment.quality = spec.quality
-        # A film of PNG frames keeps only the picture; passes that nobody saves cost time.
-        scene.playable_environment.use_depth = scene.playable_environment.use_masks = False
     with clock.stage("keys"):
         _key_actions(scene, spec.actions)
         _key_camera(scene, spec)

@@ -5,19 +5,20 @@ here and nothing in the scene is written. Whatever goes wrong ends in `report({"
 other way out of `render` makes Blender save a black frame and carry on.
 """
 
-import dataclasses
 from collections.abc import Iterator
+from contextlib import suppress
 
 import bpy
 import numpy as np
 
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
+from pe_runtime.contract.shot import DEPTH_PASS, MASK_PASS_PREFIX, Shot
 
-from .bake import bake_of, shot_for_moment
-from .pixels import bottom_up, colour_changes, combined_from_srgb, depth_for_blender
-from .scene_bridge import frames_per_second, playable_objects, read_moment, wanted_passes
+from .bake import Bake, Output, bake_of, take_as_baked, take_of_moment
+from .pixels import PassMemory, Window, colour_changes, memory_for
+from .replies import RenderedFrame, WorkerCancelledError
+from .scene_bridge import frames_per_second, read_moment, wanted_passes
 from .session import session
-from .worker_client import RenderedFrame, WorkerCancelledError
 
 DEPTH = "Depth"
 MASK_PREFIX = "Mask "
@@ -35,13 +36,13 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
     bl_use_eevee_viewport = True
 
     def update_render_passes(self, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
-        """Declare Combined, and Depth and one mask for each playable object where wanted."""
+        """Declare Combined, and Depth and masks where they are switched on."""
         self.register_pass(scene, layer, "Combined", 4, "RGBA", "COLOR")
-        settings = scene.playable_environment
-        if settings.use_depth:
-            self.register_pass(scene, layer, DEPTH, 1, "Z", "VALUE")
-        for name in _mask_names(scene):
-            self.register_pass(scene, layer, f"{MASK_PREFIX}{name}", 1, "X", "VALUE")
+        # Two objects of one name stop the render, where the error can be reported.
+        with suppress(ShotError):
+            for name in wanted_passes(scene, layer):
+                channel = "Z" if name == DEPTH_PASS else "X"
+                self.register_pass(scene, layer, _blender_name(name), 1, channel, "VALUE")
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Draw the frame that the dependency graph was evaluated at."""
@@ -66,13 +67,23 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
         settings = scene.playable_environment
         bake = bake_of(settings)
         moment = read_moment(depsgraph)
-        shot = dataclasses.replace(
-            shot_for_moment(bake, moment, frames_per_second(scene)),
-            quality=settings.quality,
-            passes=wanted_passes(settings, moment.tracks),
-        )
-        drawn = session.render(shot, moment.frame, self.test_break)
+        passes = wanted_passes(scene, depsgraph.view_layer)
+        output = Output(moment.camera.width, moment.camera.height, settings.quality, passes)
+        take = take_of_moment(bake, moment, frames_per_second(scene), output)
+        drawn = session.render(take, moment.frame, self.test_break, bake.shot)
+        self._look_ahead(scene, bake, take, output)
         self._hand_over(drawn, scene.render, moment.scale)
+
+    def _look_ahead(self, scene: bpy.types.Scene, bake: Bake, take: Shot, output: Output) -> None:
+        """Have the next frame drawn while Blender saves this one, if both are as baked."""
+        render, following = scene.render, take.frame_start + scene.frame_step
+        layers = sum(layer.use for layer in scene.view_layers)
+        # Where files that exist are skipped or layers take turns, another frame comes next.
+        comes_next = self.is_animation and render.use_overwrite and layers == 1
+        if not comes_next or following > scene.frame_end or following not in bake.shot.frames:
+            return
+        if take == take_as_baked(bake, take.frame_start, output):
+            session.foresee(take_as_baked(bake, following, output), following, bake.shot)
 
     def _hand_over(
         self, drawn: RenderedFrame, render: bpy.types.RenderSettings, scale: float
@@ -87,12 +98,11 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
         left = int(render.border_min_x * width) if render.use_border else 0
         bottom = int(render.border_min_y * height) if render.use_border else 0
         result = self.begin_result(0, 0, width, height)
-        window = (left, bottom, result.resolution_x, result.resolution_y)
-        passes = result.layers[0].passes
-        for name, image in _images(drawn, scale):
-            target = passes.get(name)
-            if target is not None:
-                target.rect.foreach_set(bottom_up(image, *window))
+        window = Window(left, bottom, result.resolution_x, result.resolution_y)
+        targets = result.layers[0].passes
+        for name, numbers in _pass_numbers(drawn, memory_for(window), scale):
+            if (target := targets.get(name)) is not None:
+                target.rect.foreach_set(numbers)
         self.end_result(result)
 
     def _warn_of_colours(self, scene: bpy.types.Scene) -> None:
@@ -106,21 +116,20 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
             )
 
 
-def _mask_names(scene: bpy.types.Scene) -> list[str]:
-    if not scene.playable_environment.use_masks:
-        return []
-    try:
-        return list(playable_objects(scene))
-    except ShotError:
-        return []  # the same error stops the render, where it can be reported
+def _blender_name(name: str) -> str:
+    """What Blender calls a pass of a Shot."""
+    return DEPTH if name == DEPTH_PASS else MASK_PREFIX + name.removeprefix(MASK_PASS_PREFIX)
 
 
-def _images(drawn: RenderedFrame, scale: float) -> Iterator[tuple[str, np.ndarray]]:
-    yield "Combined", combined_from_srgb(drawn.rgb)
+def _pass_numbers(
+    drawn: RenderedFrame, memory: PassMemory, scale: float
+) -> Iterator[tuple[str, np.ndarray]]:
+    """The numbers of every pass that was drawn; each is gone when the next one comes."""
+    yield "Combined", memory.combined(drawn.rgb)
     if drawn.depth is not None:
-        yield DEPTH, depth_for_blender(drawn.depth, scale)
+        yield DEPTH, memory.depth(drawn.depth, scale)
     for name, mask in drawn.masks.items():
-        yield f"{MASK_PREFIX}{name}", mask
+        yield f"{MASK_PREFIX}{name}", memory.values(mask)
 
 
 def _panels_for_all_engines() -> Iterator[type]:

@@ -21,6 +21,7 @@ from .range_render import (
     lent_settings,
     show_in_sequencer,
 )
+from .replies import PredictedPaths
 from .scene_bridge import (
     action_names,
     read_camera,
@@ -32,7 +33,6 @@ from .session import session
 from .settings import action_items
 from .usual_camera import add_camera, usual_camera
 from .volumes import farthest
-from .worker_client import PredictedPaths
 from .worker_operator import (
     Result,
     Task,

@@ -100,8 +100,10 @@ class PLAYABLE_PT_output(PlayablePanel, bpy.types.Panel):
         layout.use_property_split = True
         layout.prop(settings, "quality")
         column = layout.column(heading="Passes")
-        column.prop(settings, "use_depth")
-        column.prop(settings, "use_masks")
+        column.prop(context.view_layer, "use_pass_z", text="Depth")
+        for each in context.scene.objects:
+            if each.playable.is_playable:
+                column.prop(each.playable, "use_mask", text=f"Mask of {each.name}")
         layout.prop(settings, "frames_folder")
         layout.operator("playable.render_to_sequencer", icon="SEQ_SEQUENCER")
         if settings.edit_scene is not None:

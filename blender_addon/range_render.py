@@ -12,6 +12,7 @@ import bpy
 
 from pe_runtime.contract.errors import ShotError
 
+from .scene_bridge import picture_only
 from .sequencer import StripPlan, edit_scene_for, place_strip
 
 DIGITS = 4
@@ -24,7 +25,6 @@ _LENT = (
     "use_placeholder",
     "use_file_extension",
 )
-_PASSES = ("use_depth", "use_masks")
 _LENT_FORMAT = ("file_format", "color_mode", "color_depth", "compression", "color_management")
 
 
@@ -87,8 +87,6 @@ def borrow_settings(scene: bpy.types.Scene, job: RangeJob) -> tuple:
     render, output = scene.render, scene.render.image_settings
     has_media_type = hasattr(output, "media_type")
     media_type = output.media_type if has_media_type else None
-    settings = scene.playable_environment
-    passes = {name: getattr(settings, name) for name in _PASSES}
     kept = {name: getattr(render, name) for name in _LENT}
     kept_format = {name: getattr(output, name) for name in _LENT_FORMAT}
 
@@ -103,12 +101,10 @@ def borrow_settings(scene: bpy.types.Scene, job: RangeJob) -> tuple:
         output.color_management = "FOLLOW_SCENE"
         # Each pass costs as much as the picture or more, and a PNG holds none.
         if not _composites(scene):
-            for name in passes:
-                setattr(settings, name, False)
+            picture_only.add(job.scene_name)
 
     def give_back() -> None:
-        for name, value in passes.items():
-            setattr(settings, name, value)
+        picture_only.discard(job.scene_name)
         if has_media_type:
             output.media_type = media_type
         for name, value in kept_format.items():

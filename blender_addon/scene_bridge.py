@@ -31,6 +31,9 @@ from pe_runtime.contract.shot import (
 )
 
 UNIFORM_SCALE_TOLERANCE = 1e-4
+picture_only: set[str] = set()
+"""Scenes of which a range is rendered to files that hold no passes; not a setting, so that no
+file can keep it."""
 Point = tuple[float, float, float]
 
 
@@ -141,7 +144,7 @@ def read_camera(
             pixel_aspect_x=1.0,
             pixel_aspect_y=1.0,
         )
-    environment_from_world = np.linalg.inv(world_from_environment(depsgraph))
+    environment_from_world = inverse_of(world_from_environment(depsgraph))
     try:
         return camera_from_blender(lens, environment_from_world @ np.array(holder.matrix_world))
     except CameraError as error:
@@ -171,10 +174,20 @@ def world_from_environment(depsgraph: bpy.types.Depsgraph) -> np.ndarray:
     return matrix
 
 
+def inverse_of(matrix: np.ndarray) -> np.ndarray:
+    """Inverse of an affine (4, 4) float64 matrix, without the threads that LAPACK would wake."""
+    x, y, z = matrix[:3, :3].T
+    rows = np.cross((y, z, x), (z, x, y))
+    rows /= rows[0] @ x
+    inverse = np.eye(4)
+    inverse[:3, :3], inverse[:3, 3] = rows, -(rows @ matrix[:3, 3])
+    return inverse
+
+
 def read_moment(depsgraph: bpy.types.Depsgraph) -> Moment:
     """Everything a frame asks for, from a dependency graph evaluated at that frame."""
     matrix = world_from_environment(depsgraph)
-    environment_from_world = np.linalg.inv(matrix)
+    environment_from_world = inverse_of(matrix)
     tracks = {
         name: _read_track(each.evaluated_get(depsgraph), environment_from_world, depsgraph)
         for name, each in playable_objects(depsgraph.scene).items()
@@ -211,7 +224,6 @@ def shot_from_moments(
     scene: bpy.types.Scene, start: Start, model: str, moments: Sequence[Moment]
 ) -> Shot:
     """The Shot that a sampled scene asks for; the model predicts all locations."""
-    settings = scene.playable_environment
     names = list(moments[0].tracks)
     return Shot(
         version=SHOT_VERSION,
@@ -222,15 +234,22 @@ def shot_from_moments(
         frame_end=moments[-1].frame,
         cameras=tuple(moment.camera for moment in moments),
         objects=tuple(_track_from_moments(name, moments) for name in names),
-        quality=settings.quality,
-        passes=wanted_passes(settings, names),
+        quality=scene.playable_environment.quality,
+        passes=wanted_passes(scene, scene.view_layers[0]),
     )
 
 
-def wanted_passes(settings: object, names: Iterable[str]) -> tuple[str, ...]:
-    """The Shot's passes that a scene's settings ask for, masks for the named objects."""
-    depth = [DEPTH_PASS] if settings.use_depth else []
-    masks = [f"{MASK_PASS_PREFIX}{name}" for name in names] if settings.use_masks else []
+def wanted_passes(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> tuple[str, ...]:
+    """The Shot's passes that somebody has switched on: depth in the view layer, masks by object.
+
+    Raises:
+        ShotError: Two objects claim one name, or one has none.
+    """
+    if scene.name in picture_only:
+        return ()
+    depth = [DEPTH_PASS] if layer.use_pass_z else []
+    players = playable_objects(scene).items()
+    masks = [f"{MASK_PASS_PREFIX}{name}" for name, each in players if each.playable.use_mask]
     return (*depth, *masks)
 
 

@@ -7,7 +7,7 @@ import atexit
 import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 import numpy as np
@@ -17,15 +17,8 @@ from pe_runtime.contract.errors import WorkerError
 from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
 
-from .worker_client import (
-    OnProgress,
-    PredictedPaths,
-    RenderedFrame,
-    ShouldStop,
-    WorkerCancelledError,
-    WorkerClient,
-    worker_command,
-)
+from .replies import PredictedPaths, RenderedFrame, WorkerCancelledError
+from .worker_client import OnProgress, ShouldStop, WorkerClient, worker_command
 
 STOPPED, STARTING, READY, BUSY, FAILED = "stopped", "starting", "ready", "busy", "failed"
 
@@ -81,11 +74,21 @@ class Session:
             return client.rollout(shot, should_stop, on_progress)
 
     def render(
-        self, shot: Shot, frame: int, should_stop: ShouldStop | None = None
+        self,
+        shot: Shot,
+        frame: int,
+        should_stop: ShouldStop | None = None,
+        whole: Shot | None = None,
     ) -> RenderedFrame:
         """Draw one frame; see `WorkerClient.render`."""
         with self._conversation(shot.model) as client:
-            return client.render(shot, frame, should_stop)
+            return client.render(shot, frame, should_stop, whole)
+
+    def foresee(self, take: Shot, frame: int, whole: Shot) -> None:
+        """Have a frame begun that is likely to come next; see `WorkerClient.foresee`."""
+        # Nobody waits for it: what is wrong is said when the frame itself is asked for.
+        with suppress(WorkerError), self._conversation(take.model) as client:
+            client.foresee(take, frame, whole)
 
     def close(self) -> None:
         """Stop the worker, if there is one, and forget its failure."""

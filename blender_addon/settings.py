@@ -54,6 +54,14 @@ def _items_for(self: "PlayableSettings", _context: object) -> tuple:
     return action_items(self.action_names)
 
 
+def _show_passes(target: bpy.types.Object) -> None:
+    """Let compositor nodes of the object's scenes offer the passes that there are now."""
+    for scene in bpy.data.scenes:
+        if scene.objects.get(target.name) == target:
+            for layer in scene.view_layers:
+                layer.update_render_passes()
+
+
 def _is_empty(_self: object, candidate: bpy.types.Object) -> bool:
     return candidate.type == "EMPTY"
 
@@ -82,6 +90,11 @@ class PlayableSettings(bpy.types.PropertyGroup):
         default=0,
     )
     action_names: StringProperty(description="The model's names for the actions, a JSON list")
+    use_mask: BoolProperty(
+        name="Mask",
+        description="Render a pass with the pixels that show the object",
+        update=lambda self, _context: _show_passes(self.id_data),
+    )
 
 
 class BoxSettings(bpy.types.PropertyGroup):
@@ -137,12 +150,6 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
     )
     job: StringProperty(description="Ties this scene to its strip", options={"HIDDEN"})
     quality: EnumProperty(name="Quality", description="What rendering skips", items=QUALITIES)
-    use_depth: BoolProperty(
-        name="Depth", description="Render a pass with the distance in metres", default=True
-    )
-    use_masks: BoolProperty(
-        name="Masks", description="Render one mask pass for each playable object", default=True
-    )
     frames_folder: StringProperty(
         name="Frames",
         description="Folder for the rendered frames",

@@ -12,7 +12,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -20,61 +19,30 @@ import numpy as np
 import pe_runtime
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import WorkerError
-from pe_runtime.contract.messages import (
-    CANCELLED,
-    HEADING_PREFIX,
-    PROTOCOL,
-    TERMINAL,
-    Message,
-    read_message,
-    write_message,
-)
+from pe_runtime.contract.messages import PROTOCOL, TERMINAL, Message, read_message, write_message
 from pe_runtime.contract.model_facts import ModelFacts
-from pe_runtime.contract.shot import MASK_PASS_PREFIX, Shot
+from pe_runtime.contract.shot import Shot
+
+from .replies import (
+    PredictedPaths,
+    RenderedFrame,
+    WorkerCancelledError,
+    error_from,
+    frame_from,
+    paths_from,
+)
 
 START_SECONDS = 120.0
 STOP_SECONDS = 5.0
 CANCEL_SECONDS = 20.0
 POLL_SECONDS = 0.05
 STDERR_LINES = 40
+PIPE_BYTES = 1 << 20
+"""Linux: what the pipes hold, so that the worker need not wait until a frame has been read."""
 STDERR_LINE_CHARACTERS = 400
 
 ShouldStop = Callable[[], bool]
 OnProgress = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True)
-class RenderedFrame:
-    """One frame as it came over the wire, top row first.
-
-    Attributes:
-        number: Scene frame.
-        rgb: (height, width, 3) uint8, display-referred sRGB.
-        depth: (height, width) float32 metres, +inf where nothing is; None if not asked for.
-        masks: Per object (height, width) float32 in [0, 1].
-    """
-
-    number: int
-    rgb: np.ndarray
-    depth: np.ndarray | None
-    masks: Mapping[str, np.ndarray]
-
-
-@dataclass(frozen=True)
-class PredictedPaths:
-    """Where the playable objects of a shot go, before the artist's changes; environment space.
-
-    Attributes:
-        positions: Per object (frames, 3) float64 metres.
-        headings: Per object (frames,) float64 radians about z; only where the model predicts them.
-    """
-
-    positions: Mapping[str, np.ndarray]
-    headings: Mapping[str, np.ndarray] = field(default_factory=dict)
-
-
-class WorkerCancelledError(WorkerError):
-    """The request was given up because its caller asked to stop."""
 
 
 def worker_command(python: str | Path, arguments: Sequence[str] = ()) -> list[str]:
@@ -102,6 +70,8 @@ class WorkerClient:
         self._stderr: deque[str] = deque(maxlen=STDERR_LINES)
         self._inbox: queue.Queue[Message | WorkerError | None] = queue.Queue()
         self._owes_reply = False
+        self._whole: Shot | None = None
+        self._foreseen: tuple[Shot, int] | None = None
         self._process = self._launch()
         self._threads = [self._read(self._drain_stderr), self._read(self._receive)]
         try:
@@ -123,6 +93,7 @@ class WorkerClient:
 
     def load(self, model: str) -> ModelFacts:
         """Load a model by built-in name or path and return what Blender must know of it."""
+        self._whole = None
         return ModelFacts.from_fields(self._ask(Message("load", {"model": model})).fields)
 
     def encode(
@@ -150,28 +121,47 @@ class WorkerClient:
     ) -> PredictedPaths:
         """Predict where the playable objects go."""
         message = Message("rollout", {"shot": shot.as_dict()})
-        return _paths_from(self._ask(message, should_stop, on_progress=on_progress))
+        return paths_from(self._ask(message, should_stop, on_progress=on_progress))
 
     def render(
         self,
         shot: Shot,
         frame: int,
         should_stop: ShouldStop | None = None,
-        on_progress: OnProgress | None = None,
+        whole: Shot | None = None,
     ) -> RenderedFrame:
         """Draw one frame of a shot.
+
+        Args:
+            shot: What is drawn.
+            frame: The frame of it.
+            should_stop: Asked while the worker draws.
+            whole: The shot that this is a take of: its prediction holds. It is sent only when it
+                is another object than the last one.
 
         Raises:
             WorkerCancelledError: `should_stop` said so.
             WorkerError: The worker failed, died or answered without the frame.
         """
-        message = Message("render", {"shot": shot.as_dict(), "frames": [frame]})
+        if whole is not None:
+            self._prepare(whole, should_stop)
+        if self._foreseen != (shot, frame) or whole is None:
+            self._begin(_render_request(shot, frame, whole is not None), should_stop)
         frames: list[Message] = []
-        self._ask(message, should_stop, on_progress, frames.append)
+        self._finish("render", should_stop, on_frame=frames.append)
         if [each.fields.get("number") for each in frames] != [frame]:
             numbers = [each.fields.get("number") for each in frames]
             raise WorkerError(f"asked the worker for frame {frame}, it sent {numbers}")
-        return _frame_from(frames[0])
+        return frame_from(frames[0])
+
+    def foresee(self, take: Shot, frame: int, whole: Shot) -> None:
+        """Let the worker begin with a frame that is likely to be wanted next.
+
+        Whatever is asked for next, the answer is right: another request ends this one.
+        """
+        self._prepare(whole, None)
+        self._begin(_render_request(take, frame, True))
+        self._foreseen = take, frame
 
     def stop(self) -> None:
         """Let the worker end by itself; kill it if it does not."""
@@ -194,7 +184,13 @@ class WorkerClient:
         pipes = dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.PIPE)
         flags = subprocess.CREATE_NO_WINDOW if sys.platform == "win32" else 0
         try:
-            return subprocess.Popen(self.command, creationflags=flags, env=_environment(), **pipes)
+            return subprocess.Popen(
+                self.command,
+                creationflags=flags,
+                env=_environment(),
+                pipesize=PIPE_BYTES,
+                **pipes,
+            )
         except OSError as error:
             raise WorkerError(
                 f"cannot start the runtime {self.command[0]!r} ({error}); set the runtime Python "
@@ -226,14 +222,34 @@ class WorkerClient:
         request: Message,
         should_stop: ShouldStop | None = None,
         on_progress: OnProgress | None = None,
-        on_frame: Callable[[Message], None] | None = None,
         seconds: float | None = None,
     ) -> Message:
         """Send a request and return its terminal reply."""
-        self._settle()
+        self._begin(request, should_stop)
+        return self._finish(request.type, should_stop, on_progress, seconds=seconds)
+
+    def _prepare(self, whole: Shot, should_stop: ShouldStop | None) -> None:
+        if self._whole is not whole:
+            self._whole = None
+            self._ask(Message("prepare", {"shot": whole.as_dict()}), should_stop)
+            self._whole = whole
+
+    def _begin(self, request: Message, should_stop: ShouldStop | None = None) -> None:
+        self._settle(should_stop)
         self._send(request)
         self._owes_reply = True
-        for reply in self._replies(request.type, should_stop, seconds):
+
+    def _finish(
+        self,
+        asked: str,
+        should_stop: ShouldStop | None = None,
+        on_progress: OnProgress | None = None,
+        on_frame: Callable[[Message], None] | None = None,
+        seconds: float | None = None,
+    ) -> Message:
+        """Wait for the terminal reply of the request that was sent last."""
+        self._foreseen = None
+        for reply in self._replies(asked, should_stop, seconds):
             if reply.type == "progress" and on_progress:
                 on_progress(*(reply.fields[key] for key in ("stage", "done", "total")))
             elif reply.type == "frame" and on_frame:
@@ -241,7 +257,7 @@ class WorkerClient:
             elif reply.type in TERMINAL:
                 self._owes_reply = False
                 if reply.type == "failure":
-                    raise _error_from(reply)
+                    raise error_from(reply)
                 return reply
         raise AssertionError("unreachable: _replies ends only by raising")
 
@@ -279,14 +295,16 @@ class WorkerClient:
         self._send(Message("cancel"))
         raise WorkerCancelledError(f"{asked} was cancelled")
 
-    def _settle(self) -> None:
-        """Read what is left of a request that nobody waited for: cancelled or interrupted."""
+    def _settle(self, should_stop: ShouldStop | None) -> None:
+        """Read what is left of a request that nobody waits for: cancelled, or foreseen wrongly."""
+        # Nobody gave up waiting for a frame that was foreseen: it may take as long as any other.
+        seconds = CANCEL_SECONDS if self._foreseen is None else None
         if not self._owes_reply:
             return
         self._send(Message("cancel"))
-        for reply in self._replies("cancel", None, CANCEL_SECONDS):
+        for reply in self._replies("cancel", should_stop, seconds):
             if reply.type in TERMINAL:
-                self._owes_reply = False
+                self._owes_reply, self._foreseen = False, None
                 return
 
     def _death(self, asked: str) -> WorkerError:
@@ -318,28 +336,6 @@ def _environment() -> dict[str, str]:
     return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
 
 
-def _error_from(reply: Message) -> WorkerError:
-    kind, text = reply.fields.get("kind", "unknown"), reply.fields.get("message", "")
-    if kind == CANCELLED:
-        return WorkerCancelledError(text or "cancelled")
-    return WorkerError(f"{text} ({kind})")
-
-
-def _paths_from(reply: Message) -> PredictedPaths:
-    positions, headings = {}, {}
-    for name, buffer in reply.buffers.items():
-        if name.startswith(HEADING_PREFIX):
-            headings[name.removeprefix(HEADING_PREFIX)] = buffer
-        else:
-            positions[name] = buffer
-    return PredictedPaths(positions, headings)
-
-
-def _frame_from(reply: Message) -> RenderedFrame:
-    masks = {
-        name.removeprefix(MASK_PASS_PREFIX): mask
-        for name, mask in reply.buffers.items()
-        if name.startswith(MASK_PASS_PREFIX)
-    }
-    buffers = reply.buffers
-    return RenderedFrame(reply.fields["number"], buffers["rgb"], buffers.get("depth"), masks)
+def _render_request(shot: Shot, frame: int, is_take: bool) -> Message:
+    fields = {"shot": shot.as_dict(), "frames": [frame]}
+    return Message("render", fields | {"take": True} if is_take else fields)

@@ -8,7 +8,7 @@ import bpy
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
 from .background import BackgroundCall, Work
-from .worker_client import WorkerCancelledError
+from .replies import WorkerCancelledError
 
 TICK_SECONDS = 0.1
 Result = set[str]

@@ -18,7 +18,7 @@ import numpy as np
 
 from .errors import WorkerError
 
-PROTOCOL = 2
+PROTOCOL = 3
 """Version of this vocabulary, compared at ``hello``."""
 
 REQUESTS = {
@@ -28,7 +28,9 @@ REQUESTS = {
     "rollout": "fields shot -> state, field fps; one (frames, 3) float64 buffer per object: "
     "positions in environment space, metres; 'heading:NAME' (frames,) float64 for each object "
     "whose heading the model predicts: radians about z",
-    "render": "fields shot, frames (list or null for all) -> progress and frame, then ready",
+    "prepare": "fields shot -> ready; it is rolled out and kept, the one before is forgotten",
+    "render": "fields shot, frames (list or null for all), take (true: the shot is a part of the "
+    "prepared one and keeps its prediction) -> progress and frame, then ready",
     "proxy_mesh": "fields object -> state; buffers vertices (n, 3) float32, faces (m, 3) int32",
     "cancel": "no reply of its own; running and waiting requests end with failure 'cancelled'",
     "stop": "no reply; the worker ends with exit code 0",
@@ -37,8 +39,9 @@ REPLIES = {
     "ready": "the request is done",
     "progress": "fields stage, done, total",
     "state": "the answer of encode, rollout and proxy_mesh",
-    "frame": "field number; buffers rgb uint8 (height, width, 3), depth float32 (height, width) "
-    "in metres with +inf where nothing is, 'mask:NAME' float32 (height, width)",
+    "frame": "fields number, seconds (that drawing took); buffers rgb uint8 (height, width, 3), "
+    "depth float32 (height, width) in metres with +inf where nothing is, 'mask:NAME' float32 "
+    "(height, width)",
     "failure": "fields kind (an error class name, or CANCELLED) and message",
 }
 TERMINAL = frozenset({"ready", "state", "failure"})

@@ -71,6 +71,7 @@ class FakeWorld:
     def __init__(self, seconds_per_frame: float = 0.0) -> None:
         self._seconds_per_frame = seconds_per_frame
         self._model = "fake"
+        self._latest: tuple[Shot, dict[str, np.ndarray]] | None = None
 
     def load(self, model: str) -> ModelFacts:
         """Facts of a fake model.
@@ -115,15 +116,19 @@ class FakeWorld:
         found = {name: path[:, :3] for name, path in paths.items()}
         if MODELS[shot.model].turns:
             found |= {f"{HEADING_PREFIX}{name}": path[:, 3] for name, path in paths.items()}
+        self._latest = shot, found
         return found
 
-    def render(self, shot: Shot, frames: list[int]) -> Iterator[Picture]:
-        """Pictures that depend on nothing but the shot and the frame."""
-        paths = self.rollout(shot)
+    def render(self, shot: Shot, frames: list[int], whole: Shot | None = None) -> Iterator[Picture]:
+        """Pictures that depend on nothing but the shot, the frame and the whole."""
+        predicted = whole or shot
+        known = self._latest is not None and self._latest[0] is predicted
+        paths = self._latest[1] if known else self.rollout(predicted)
         for frame in frames:
+            began = time.perf_counter()
             time.sleep(self._seconds_per_frame)
-            index = frame - shot.frame_start
-            blocks = {name: _block(paths, name, index) for name in PLAYERS}
+            index, at = frame - shot.frame_start, frame - predicted.frame_start
+            blocks = {name: _block(paths, name, at) for name in PLAYERS}
             for track in shot.objects:
                 block = blocks[track.name]
                 place = block.place if track.locations is None else track.locations[index]
@@ -131,7 +136,8 @@ class FakeWorld:
                 blocks[track.name] = Block(np.array(place), heading)
                 if track.visible is not None and not track.visible[index]:
                     del blocks[track.name]
-            yield Picture(frame, draw(shot, frame, blocks, PLAYERS))
+            buffers = draw(shot, frame, blocks, PLAYERS)
+            yield Picture(frame, buffers, time.perf_counter() - began)
 
     def proxy_mesh(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """A box of a player's size, standing on its origin."""

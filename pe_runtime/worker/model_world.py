@@ -1,7 +1,10 @@
 """A trained environment behind the wire."""
 
+import time
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,10 +33,23 @@ from pe_runtime.worker.serving import Picture, box_mesh
 REMEMBERED_ROLLOUTS = 8
 
 
+@dataclass(frozen=True)
+class _Latest:
+    """The shot that was asked for last, ready to be drawn.
+
+    Attributes:
+        prepared: It and its prediction.
+        files: What it was read from, see `_files_of`.
+    """
+
+    prepared: PreparedShot
+    files: tuple
+
+
 class ModelWorld:
     """Serves a PlayableEnvironment and remembers the latest rollouts.
 
-    Blender asks for the frames of one shot in many requests, each with the whole shot.
+    Blender asks for the frames of one shot in many requests, each a take of it.
 
     Args:
         device: Where it computes: "auto", "cpu", "cuda".
@@ -43,10 +59,12 @@ class ModelWorld:
         self._device = device
         self._environment: PlayableEnvironment | None = None
         self._rollouts: OrderedDict[str, Rollout] = OrderedDict()
+        self._latest: _Latest | None = None
 
     def load(self, model: str) -> ModelFacts:
         """Load a model by built-in name or path."""
         self._environment = PlayableEnvironment.load(model, self._device)
+        self._latest = None
         return facts_of(self._environment)
 
     def encode(self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Box]) -> dict[str, Any]:
@@ -67,15 +85,18 @@ class ModelWorld:
         }
         return positions | headings
 
-    def render(self, shot: Shot, frames: list[int]) -> Iterator[Picture]:
+    def render(self, shot: Shot, frames: list[int], whole: Shot | None = None) -> Iterator[Picture]:
         """Draw frames one by one."""
-        prepared = self._prepared(shot)
-        for number, frame in render_frames(self._environment, prepared, frames):
+        prepared = self._prepared(shot) if whole is None else _take(shot, self._prepared(whole))
+        for wanted in frames:
+            began = time.perf_counter()
+            ((number, frame),) = render_frames(self._environment, prepared, [wanted])
+            seconds = time.perf_counter() - began
             buffers = {"rgb": to_uint8(frame.rgb)}
             if frame.depth is not None:
                 buffers["depth"] = frame.depth.astype(np.float32)
             masks = {f"mask:{name}": mask for name, mask in frame.masks.items()}
-            yield Picture(number, buffers | masks)
+            yield Picture(number, buffers | masks, seconds)
 
     def proxy_mesh(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """The box of an object's volume, around its origin, metres."""
@@ -85,6 +106,10 @@ class ModelWorld:
         return box_mesh(config.low, config.high)
 
     def _prepared(self, shot: Shot) -> PreparedShot:
+        latest, files = self._latest, _files_of(shot)
+        # The very object that was prepared last needs no digest of all its frames.
+        if latest is not None and latest.prepared.shot is shot and latest.files == files:
+            return latest.prepared
         key = rollout_key(shot)
         if key not in self._rollouts:
             start = start_state(self._environment, shot.start)
@@ -92,4 +117,24 @@ class ModelWorld:
         self._rollouts.move_to_end(key)
         while len(self._rollouts) > REMEMBERED_ROLLOUTS:
             self._rollouts.popitem(last=False)
-        return prepare_shot(self._environment, shot, self._rollouts[key])
+        prepared = prepare_shot(self._environment, shot, self._rollouts[key])
+        self._latest = _Latest(prepared, files)
+        return prepared
+
+
+def _take(shot: Shot, whole: PreparedShot) -> PreparedShot:
+    """A part of a prepared shot, filmed in its own way; the prediction is that of the whole."""
+    states = tuple(whole.rollout.at(frame) for frame in shot.frames)
+    return PreparedShot(shot, Rollout(shot.frame_start, states), whole.lenders)
+
+
+def _files_of(shot: Shot) -> tuple:
+    """What tells that a file which a shot is made from was written again: its time and size."""
+    lent = {mix.image for track in shot.objects for mix in track.styles}
+    paths = [
+        Path(name)
+        for name in (shot.start.image, shot.start.state, *sorted(filter(None, lent)))
+        if name
+    ]
+    found = [path.stat() for path in paths if path.is_file()]
+    return tuple((each.st_mtime_ns, each.st_size) for each in found)

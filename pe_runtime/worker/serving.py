@@ -36,6 +36,8 @@ class Picture:
     number: int
     buffers: dict[str, np.ndarray]
     """rgb uint8 (height, width, 3); depth float32 and 'mask:NAME' float32 (height, width)."""
+    seconds: float = 0.0
+    """How long drawing it took, without the way to bytes."""
 
 
 @runtime_checkable
@@ -51,8 +53,14 @@ class World(Protocol):
     def rollout(self, shot: Shot) -> dict[str, np.ndarray]:
         """Predicted paths as the buffers of the reply to ``rollout``."""
 
-    def render(self, shot: Shot, frames: list[int]) -> Iterator[Picture]:
-        """Draw frames of the shot one by one."""
+    def render(self, shot: Shot, frames: list[int], whole: Shot | None = None) -> Iterator[Picture]:
+        """Draw frames of the shot one by one.
+
+        Args:
+            shot: What is drawn.
+            frames: Frames of it.
+            whole: The shot that this one is a part of; its prediction holds, not the part's own.
+        """
 
     def proxy_mesh(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """A stand-in for the viewport: vertices (n, 3) float32, faces (m, 3) int32."""
@@ -137,6 +145,7 @@ class _Session:
         self._greeted = False
         self._world: World | None = None
         self._model = ""
+        self._whole: Shot | None = None
 
     def answer(self, request: Message, call: _Call) -> Message:
         """The terminal reply."""
@@ -145,6 +154,7 @@ class _Session:
             "load": self._load,
             "encode": self._encode,
             "rollout": self._rollout,
+            "prepare": self._prepare,
             "render": self._render,
             "proxy_mesh": self._proxy_mesh,
         }
@@ -169,7 +179,7 @@ class _Session:
         model = _field(call, "model", str)
         world = self._make_world()
         facts = world.load(model)
-        self._world, self._model = world, model
+        self._world, self._model, self._whole = world, model, None
         return Message("ready", facts.as_fields())
 
     def _encode(self, call: _Call) -> Message:
@@ -191,21 +201,46 @@ class _Session:
         shot = self._shot(call)
         return Message("state", {"fps": shot.fps}, self._loaded().rollout(shot))
 
+    def _prepare(self, call: _Call) -> Message:
+        self._whole, whole = None, self._shot(call)
+        self._loaded().rollout(whole)
+        self._whole = whole
+        return Message("ready")
+
     def _render(self, call: _Call) -> Message:
         shot = self._shot(call)
         frames = _wanted_frames(shot, call.fields.get("frames"))
-        pictures, total = self._loaded().render(shot, frames), len(frames)
+        within = (self._whole_of(shot),) if call.fields.get("take") else ()
+        pictures, total = self._loaded().render(shot, frames, *within), len(frames)
         for done in range(total):
             if call.is_cancelled():
                 raise _CancelledError(f"cancelled after {done} of {total} frames")
             picture = next(pictures)
-            call.send(Message("frame", {"number": picture.number}, picture.buffers))
+            fields = {"number": picture.number, "seconds": picture.seconds}
+            call.send(Message("frame", fields, picture.buffers))
             call.send(Message("progress", {"stage": "render", "done": done + 1, "total": total}))
         return Message("ready", {"frames": total})
 
     def _proxy_mesh(self, call: _Call) -> Message:
         vertices, faces = self._loaded().proxy_mesh(_field(call, "object", str))
         return Message("state", {}, {"vertices": vertices, "faces": faces})
+
+    def _whole_of(self, take: Shot) -> Shot:
+        """The prepared shot, if the take can be a part of it."""
+        whole = self._whole
+        if whole is None:
+            raise WorkerError(
+                "no shot is prepared that this could be a take of; send prepare first"
+            )
+        known = {track.name: track.styles for track in whole.objects}
+        styles = {track.name: track.styles for track in take.objects}
+        if not set(take.frames) <= set(whole.frames) or not styles.items() <= known.items():
+            raise ShotError(
+                f"a take of the prepared shot has frames of {whole.frame_start} to "
+                f"{whole.frame_end} and objects of {sorted(known)} in their styles, found frames "
+                f"{take.frame_start} to {take.frame_end} and objects {sorted(styles)}"
+            )
+        return whole
 
     def _loaded(self) -> World:
         if self._world is None:

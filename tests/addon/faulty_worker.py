@@ -14,28 +14,28 @@ BAD_FRAME = 3
 class FailingWorld(FakeWorld):
     """Refuses one frame."""
 
-    def render(self, shot, frames):
+    def render(self, shot, frames, whole=None):
         if BAD_FRAME in frames:
             raise CameraError("the lens fell off")
-        yield from super().render(shot, frames)
+        yield from super().render(shot, frames, whole)
 
 
 class DyingWorld(FakeWorld):
     """Takes the process along at one frame."""
 
-    def render(self, shot, frames):
+    def render(self, shot, frames, whole=None):
         if BAD_FRAME in frames:
             sys.stderr.write("out of memory, or so\n")
             sys.stderr.flush()
             os._exit(7)
-        yield from super().render(shot, frames)
+        yield from super().render(shot, frames, whole)
 
 
 class SmallWorld(FakeWorld):
     """Draws half of the pixels that were asked for."""
 
-    def render(self, shot, frames):
-        for picture in super().render(shot, frames):
+    def render(self, shot, frames, whole=None):
+        for picture in super().render(shot, frames, whole):
             picture.buffers["rgb"] = picture.buffers["rgb"][::2, ::2].copy()
             yield picture
 

@@ -11,8 +11,14 @@ from addon.stage import BOXES, FAKE, HEIGHT, WIDTH, faulty, front_camera, pictur
 
 bpy = pytest.importorskip("bpy")
 from blender_addon import playables  # noqa: E402 - after the check for Blender
-from blender_addon.bake import bake_of, shot_for_moment  # noqa: E402
+from blender_addon.bake import (  # noqa: E402
+    Output,
+    bake_of,
+    take_as_baked,
+    take_of_moment,
+)
 from blender_addon.pixels import FAR_AWAY  # noqa: E402
+from blender_addon.replies import WorkerCancelledError  # noqa: E402
 from blender_addon.scene_bridge import playable_objects, sample_range  # noqa: E402
 
 pytestmark = pytest.mark.blender
@@ -49,9 +55,9 @@ def test_a_saved_png_holds_the_workers_bytes_for_all_256_values(baked, addon, tm
     for each in playable_objects(baked).values():
         each.hide_render = True
     path = render_still(baked, tmp_path / "still.png")
-    moment = sample_range(baked, [1])[0]
-    shot = shot_for_moment(bake_of(baked.playable_environment), moment, 10.0)
-    expected = addon.render(shot, 1).rgb
+    bake, moment = bake_of(baked.playable_environment), sample_range(baked, [1])[0]
+    take = take_of_moment(bake, moment, 10.0, Output(256, 8))
+    expected = addon.render(take, 1, whole=bake.shot).rgb
     assert set(np.unique(expected)) == set(range(256))
     assert np.array_equal(read_png(path), expected)
 
@@ -68,7 +74,15 @@ def test_one_frame_alone_is_the_same_file_as_in_the_range(baked, tmp_path):
     assert not np.array_equal(read_png(files[0]), read_png(files[11]))
 
 
+def switch_on_all_passes(scene):
+    scene.view_layers[0].use_pass_z = True
+    for each in playable_objects(scene).values():
+        each.playable.use_mask = True
+
+
 def test_depth_and_masks_arrive_in_a_multilayer_exr(baked, addon, tmp_path):
+    switch_on_all_passes(baked)
+    bpy.ops.playable.bake_paths()
     output = baked.render.image_settings
     if hasattr(output, "media_type"):
         output.media_type = "MULTI_LAYER_IMAGE"
@@ -126,13 +140,13 @@ def test_an_empty_that_was_moved_or_hidden_after_baking_is_drawn_so(baked, tmp_p
 
 
 def test_a_camera_moved_after_baking_changes_the_view_and_not_the_paths(baked, addon):
-    bake = bake_of(baked.playable_environment)
-    untouched = shot_for_moment(bake, sample_range(baked, [2])[0], 10.0)
-    assert untouched.digest() == bake.shot.digest()
+    bake, output = bake_of(baked.playable_environment), Output(WIDTH, HEIGHT)
+    untouched = take_of_moment(bake, sample_range(baked, [2])[0], 10.0, output)
+    assert untouched == take_as_baked(bake, 2, output)
     baked.camera.location.x += 1.0
-    shot = shot_for_moment(bake, sample_range(baked, [2])[0], 10.0)
-    assert shot.cameras[0] == bake.shot.cameras[0] and shot.cameras[1] != bake.shot.cameras[1]
-    np.testing.assert_allclose(shot.track("player_1").locations, bake.paths["player_1"], atol=1e-5)
+    take = take_of_moment(bake, sample_range(baked, [2])[0], 10.0, output)
+    assert take.cameras[0] != bake.shot.cameras[1] == untouched.cameras[0]
+    assert take.objects == untouched.objects
 
 
 def test_no_playable_object_at_all_still_renders(scene, picture, tmp_path):
@@ -237,7 +251,6 @@ def test_colour_settings_that_would_change_bytes_are_named(baked, tmp_path, capf
 
 def test_cancelling_returns_while_the_worker_is_still_drawing(baked, addon, tmp_path, monkeypatch):
     from blender_addon.engine import PlayableEnvironmentEngine
-    from blender_addon.worker_client import WorkerCancelledError
 
     addon.use_command(faulty("slow"))
     addon.facts("fake")
@@ -255,8 +268,6 @@ def test_cancelling_returns_while_the_worker_is_still_drawing(baked, addon, tmp_
 
 
 def _cancelled(*_):
-    from blender_addon.worker_client import WorkerCancelledError
-
     raise WorkerCancelledError("cancelled")
 
 

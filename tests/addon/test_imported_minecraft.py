@@ -130,8 +130,6 @@ def test_the_empties_turn_as_the_model_predicts(scene, states):
 
 def still(scene, path, frame=2):
     scene.frame_set(frame)
-    settings = scene.playable_environment
-    settings.use_depth = settings.use_masks = False
     scene.render.image_settings.color_mode = "RGB"
     scene.render.resolution_percentage, scene.render.filepath = 25, str(path)
     bpy.ops.render.render(write_still=True, scene=scene.name)

@@ -150,9 +150,10 @@ def film(made):
     scene = bpy.data.scenes[0]
     settings = scene.playable_environment
     scene.render.image_settings.color_mode = "RGB"
-    settings.use_depth = settings.use_masks = False
     made.still = still(scene, made.folder / "full.png", 3)
-    settings.use_depth = settings.use_masks = True
+    scene.view_layers[0].use_pass_z = True
+    for each in playable_objects(scene).values():
+        each.playable.use_mask = True
     scene.render.resolution_percentage = PERCENT
     bpy.ops.playable.render_to_sequencer(folder=str(made.folder / "frames"))
     (strip,) = settings.edit_scene.sequence_editor.strips

@@ -19,6 +19,7 @@ from blender_addon.scene_bridge import (  # noqa: E402
     playable_objects,
     read_camera,
     sample_range,
+    wanted_passes,
 )
 from blender_addon.settings import action_items  # noqa: E402
 from blender_addon.volumes import VOLUME_KEY  # noqa: E402
@@ -188,11 +189,11 @@ def test_passes_that_a_png_cannot_hold_are_not_asked_for(environment, monkeypatc
     monkeypatch.setattr(
         Session, "render", lambda self, shot, *rest: asked.append(shot) or render(self, shot, *rest)
     )
+    environment.view_layers[0].use_pass_z = True
     bpy.ops.playable.bake_paths()
     bpy.ops.playable.render_to_sequencer(folder=str(tmp_path / "frames"))
     assert [shot.passes for shot in asked] == [()] * 4
-    settings = environment.playable_environment
-    assert settings.use_depth and settings.use_masks
+    assert wanted_passes(environment, environment.view_layers[0]) == ("depth",)
 
 
 def test_passes_are_kept_for_compositor_nodes(environment, tmp_path):
@@ -200,8 +201,9 @@ def test_passes_are_kept_for_compositor_nodes(environment, tmp_path):
         environment.compositing_node_group = bpy.data.node_groups.new("n", "CompositorNodeTree")
     else:
         environment.use_nodes = True
+    environment.view_layers[0].use_pass_z = True
     with lent_settings(environment, job_for(environment, str(tmp_path))):
-        assert environment.playable_environment.use_depth
+        assert wanted_passes(environment, environment.view_layers[0]) == ("depth",)
 
 
 def test_a_model_named_relative_to_the_file_is_found(environment, picture, tmp_path):

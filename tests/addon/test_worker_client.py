@@ -9,12 +9,9 @@ import numpy as np
 import pytest
 from addon.stage import BOXES, FAKE, HEIGHT, WIDTH, faulty, front_camera, picture_of, shot_of
 
+from blender_addon.replies import WorkerCancelledError
 from blender_addon.session import BUSY, FAILED, READY, STOPPED, Session
-from blender_addon.worker_client import (
-    WorkerCancelledError,
-    WorkerClient,
-    worker_command,
-)
+from blender_addon.worker_client import WorkerClient, worker_command
 from pe_runtime.contract.errors import WorkerError
 
 

@@ -1,0 +1,77 @@
+"""What the worker answers, as values: frames, predicted paths and its reasons. No `bpy` here."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pe_runtime.contract.errors import WorkerError
+from pe_runtime.contract.messages import CANCELLED, HEADING_PREFIX, Message
+from pe_runtime.contract.shot import MASK_PASS_PREFIX
+
+
+@dataclass(frozen=True)
+class RenderedFrame:
+    """One frame as it came over the wire, top row first.
+
+    Attributes:
+        number: Scene frame.
+        rgb: (height, width, 3) uint8, display-referred sRGB.
+        depth: (height, width) float32 metres, +inf where nothing is; None if not asked for.
+        masks: Per object (height, width) float32 in [0, 1].
+        seconds: How long the worker drew.
+    """
+
+    number: int
+    rgb: np.ndarray
+    depth: np.ndarray | None
+    masks: Mapping[str, np.ndarray]
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class PredictedPaths:
+    """Where the playable objects of a shot go, before the artist's changes; environment space.
+
+    Attributes:
+        positions: Per object (frames, 3) float64 metres.
+        headings: Per object (frames,) float64 radians about z; only where the model predicts them.
+    """
+
+    positions: Mapping[str, np.ndarray]
+    headings: Mapping[str, np.ndarray] = field(default_factory=dict)
+
+
+class WorkerCancelledError(WorkerError):
+    """The request was given up because its caller asked to stop."""
+
+
+def error_from(reply: Message) -> WorkerError:
+    """The reason of a failure, as the error to raise."""
+    kind, text = reply.fields.get("kind", "unknown"), reply.fields.get("message", "")
+    if kind == CANCELLED:
+        return WorkerCancelledError(text or "cancelled")
+    return WorkerError(f"{text} ({kind})")
+
+
+def paths_from(reply: Message) -> PredictedPaths:
+    """The answer to a rollout."""
+    positions, headings = {}, {}
+    for name, buffer in reply.buffers.items():
+        if name.startswith(HEADING_PREFIX):
+            headings[name.removeprefix(HEADING_PREFIX)] = buffer
+        else:
+            positions[name] = buffer
+    return PredictedPaths(positions, headings)
+
+
+def frame_from(reply: Message) -> RenderedFrame:
+    """One drawn frame."""
+    masks = {
+        name.removeprefix(MASK_PASS_PREFIX): mask
+        for name, mask in reply.buffers.items()
+        if name.startswith(MASK_PASS_PREFIX)
+    }
+    fields, buffers = reply.fields, reply.buffers
+    depth = buffers.get("depth")
+    return RenderedFrame(fields["number"], buffers["rgb"], depth, masks, fields["seconds"])

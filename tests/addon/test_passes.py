@@ -1,0 +1,101 @@
+"""Depth and masks are drawn where somebody has switched them on, and nowhere else."""
+
+import numpy as np
+import pytest
+from addon.stage import BOXES
+
+bpy = pytest.importorskip("bpy")
+from blender_addon import playables  # noqa: E402 - after the check for Blender
+from blender_addon.bake import bake_of  # noqa: E402
+from blender_addon.range_render import job_for, lent_settings  # noqa: E402
+from blender_addon.scene_bridge import inverse_of, playable_objects, wanted_passes  # noqa: E402
+from blender_addon.session import Session  # noqa: E402
+
+pytestmark = pytest.mark.blender
+
+
+@pytest.fixture
+def asked(environment, monkeypatch):
+    """The passes of every frame that the worker is asked for."""
+    bpy.ops.playable.bake_paths()
+    passes, render = [], Session.render
+    monkeypatch.setattr(
+        Session,
+        "render",
+        lambda self, shot, *rest: passes.append(shot.passes) or render(self, shot, *rest),
+    )
+    return passes
+
+
+def offered(scene):
+    """The outputs that compositor nodes see of a view layer."""
+    kind = "CompositorNodeTree"
+    tree = bpy.data.node_groups.new("nodes", kind)
+    node = tree.nodes.new("CompositorNodeRLayers")
+    node.scene = scene
+    scene.view_layers[0].update_render_passes()
+    found = {socket.name for socket in node.outputs if socket.enabled}
+    bpy.data.node_groups.remove(tree)
+    return found
+
+
+def test_a_still_of_a_new_environment_asks_for_the_picture_alone(environment, asked):
+    bpy.ops.render.render(scene=environment.name)
+    assert asked == [()]
+    assert bake_of(environment.playable_environment).shot.passes == ()
+
+
+def test_depth_follows_the_view_layer_and_masks_follow_their_objects(environment, asked):
+    players = playable_objects(environment)
+    environment.view_layers[0].use_pass_z = True
+    bpy.ops.render.render(scene=environment.name)
+    players["player_2"].playable.use_mask = True
+    bpy.ops.render.render(scene=environment.name)
+    environment.view_layers[0].use_pass_z = False
+    bpy.ops.render.render(scene=environment.name)
+    assert asked == [("depth",), ("depth", "mask:player_2"), ("mask:player_2",)]
+
+
+def test_each_view_layer_asks_for_its_own_depth(environment, asked):
+    environment.view_layers.new("second").use_pass_z = True
+    bpy.ops.render.render(scene=environment.name)
+    assert sorted(asked) == [(), ("depth",)]
+
+
+def test_compositor_nodes_are_offered_what_is_switched_on(environment):
+    assert "Depth" not in offered(environment)
+    environment.view_layers[0].use_pass_z = True
+    for each in playable_objects(environment).values():
+        each.playable.use_mask = True
+    assert {"Depth", *(f"Mask {name}" for name in BOXES)} <= offered(environment)
+
+
+def test_switches_survive_saving_also_while_a_range_is_rendered(environment, tmp_path):
+    playable_objects(environment)["player_1"].playable.use_mask = True
+    environment.view_layers[0].use_pass_z = True
+    file, switched_on = str(tmp_path / "film.blend"), ("depth", "mask:player_1")
+    with lent_settings(environment, job_for(environment, str(tmp_path))):
+        assert wanted_passes(environment, environment.view_layers[0]) == ()
+        bpy.ops.wm.save_as_mainfile(filepath=file)
+    assert wanted_passes(environment, environment.view_layers[0]) == switched_on
+    bpy.ops.wm.open_mainfile(filepath=file)
+    again = bpy.data.scenes[0]
+    assert wanted_passes(again, again.view_layers[0]) == switched_on
+
+
+def test_two_objects_of_one_name_stop_the_render_with_a_reason(environment, asked):
+    playables.playable_objects(environment)["player_2"].playable.object_name = "player_1"
+    with pytest.raises(RuntimeError, match="both stand for 'player_1'"):
+        bpy.ops.render.render(scene=environment.name)
+    assert asked == []
+
+
+def test_the_inverse_of_a_root_undoes_it():
+    random = np.random.default_rng(0)
+    for scale in (1e-3, 1.0, 50.0):
+        matrix = np.eye(4)
+        matrix[:3, :3] = scale * np.linalg.qr(random.normal(size=(3, 3)))[0]
+        matrix[:3] += 1e-5 * scale * random.normal(size=(3, 4))
+        matrix[:3, 3] = random.normal(size=3) * 40
+        np.testing.assert_allclose(inverse_of(matrix), np.linalg.inv(matrix), rtol=1e-9, atol=1e-9)
+    assert np.array_equal(inverse_of(np.eye(4)), np.eye(4))
