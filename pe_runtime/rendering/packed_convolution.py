@@ -40,18 +40,24 @@ class PackedConvolution:
     @cached_property
     def packed(self) -> Tensor | None:
         """The weight in oneDNN's order; None where convolutions do not run there."""
-        if self.weight.device.type != "cpu" or not torch.backends.mkldnn.is_available():
-            return None
-        if self.weight.dtype not in (torch.float32, torch.bfloat16):
+        if not _runs_on_onednn(self.weight.device, self.weight.dtype):
             return None
         stride = [1, self.together]
         return torch.ops.mkldnn._reorder_convolution_weight(
             self.weight, [0, 0], stride, [1, 1], 1, None
         )
 
+    @property
+    def products(self) -> int:
+        """Multiplications per cell of the result."""
+        return self.weight.numel() // self.together
+
     def spare(self, columns: int) -> int:
         """Columns that the input needs at its right so that the last neighbours are complete."""
-        return -columns % self.together
+        if self.together == 1:
+            return 0
+        # oneDNN 3.12 leaves out channels of some bfloat16 results that are one cell wide.
+        return max(-columns % self.together, 2 * self.together - columns)
 
     def __call__(
         self, padded: Float[Tensor, "1 narrow rows columns"], columns: int
@@ -78,6 +84,14 @@ class PackedConvolution:
             )
         out = nn.functional.conv2d(padded, self.weight, self.bias, stride)
         return out.relu_() if self.activated else out
+
+
+def _runs_on_onednn(device: torch.device, dtype: torch.dtype) -> bool:
+    if device.type != "cpu" or not torch.backends.mkldnn.is_available():
+        return False
+    if dtype == torch.bfloat16:
+        return torch.ops.mkldnn._is_mkldnn_bf16_supported()
+    return dtype == torch.float32
 
 
 def packed(

@@ -49,6 +49,11 @@ class PreparedRenderer:
     steps: tuple[Step, ...]
     dtype: torch.dtype
 
+    @property
+    def same_in_parts(self) -> bool:
+        """Whether parts of a picture have the bits that they have in the whole."""
+        return all(each.convolution.packed is not None for each in self.steps if each.convolution)
+
 
 def prepared(renderer: nn.Module, dtype: torch.dtype = torch.float32) -> PreparedRenderer:
     """A copy of a feature renderer's weights in the order in which they run fastest.
@@ -79,7 +84,7 @@ class _Writer:
         after: str | None = None,
     ) -> int:
         """Add a convolution; index of its value."""
-        together = TOGETHER if layer.out_channels == 3 else 1
+        together = TOGETHER if after == "sigmoid" else 1
         convolution = packed(layer, self.dtype, together, activated)
         return self.add(Step(tuple(sources), convolution, plus, after))
 

@@ -8,13 +8,12 @@ from jaxtyping import Bool
 from scipy import ndimage
 from torch import Tensor
 
-GRID = 8
-"""Edges of work lie on multiples of this many cells, so that the same shapes come again: a backend
-tunes itself for every shape that it meets."""
-NEAR = 4
-"""Changed cells up to this far apart share a rectangle."""
-CALL = 96
-"""One more rectangle costs as much time as this many cells."""
+GRID = 4
+"""Edges of work lie on multiples of this many cells, so that the same shapes come again (a backend
+tunes itself for every shape that it meets), and so that pixels which are computed together stay
+together (see `PackedConvolution.together`)."""
+MOST = 6
+"""Rectangles around changed cells, at most."""
 
 
 @dataclass(frozen=True, order=True)
@@ -78,19 +77,26 @@ def changed_regions(changed: Bool[Tensor, "height width"]) -> list[Region]:
     cells = changed.cpu().numpy()
     if not cells.any():
         return []
-    near = ndimage.maximum_filter(cells, size=NEAR + 1)
-    labels, count = ndimage.label(near, structure=np.ones((3, 3)))
-    labels = np.where(cells, labels, 0)
-    found = ndimage.find_objects(labels, max_label=count)
+    reach, found = 5, []
+    while not found or len(found) > MOST:
+        near = ndimage.maximum_filter(cells, size=reach)
+        labels, _ = ndimage.label(near, structure=np.ones((3, 3)))
+        found = ndimage.find_objects(np.where(cells, labels, 0))
+        reach = 2 * reach + 1
     return merged([Region(y.start, x.start, y.stop, x.stop) for y, x in found])
 
 
-def merged(regions: Sequence[Region]) -> list[Region]:
-    """The regions with those in one that cost less together than apart."""
+def merged(regions: Sequence[Region], call: int = 0) -> list[Region]:
+    """The regions with those in one that cost less together than apart.
+
+    Args:
+        regions: Any, also overlapping ones.
+        call: What one more region costs, as the number of cells that take as long.
+    """
     left, kept = sorted(set(regions)), []
     while left:
         each = left.pop()
-        partner = next((o for o in left if _cheaper_together(each, o)), None)
+        partner = next((o for o in left if _cheaper_together(each, o, call)), None)
         if partner is None:
             kept.append(each)
             continue
@@ -100,5 +106,5 @@ def merged(regions: Sequence[Region]) -> list[Region]:
     return sorted(kept)
 
 
-def _cheaper_together(one: Region, other: Region) -> bool:
-    return one.joined(other).area <= one.area + other.area + CALL
+def _cheaper_together(one: Region, other: Region, call: int) -> bool:
+    return one.joined(other).area <= one.area + other.area + call
