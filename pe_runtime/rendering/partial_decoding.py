@@ -77,7 +77,7 @@ def decode_again(
         maps: All cells of the new maps. If they are of another size than those before, they are
             decoded as a whole.
         before: Of the maps before. Taken over: its values are written over, so it is of no use
-            afterwards; its picture stays as it was.
+            afterwards, least of all where this was interrupted; its picture stays as it was.
         changed: Per map, the cells that may differ.
 
     Returns:

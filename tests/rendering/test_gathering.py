@@ -77,7 +77,7 @@ def test_a_doubled_map_stands_beside_a_finer_one():
     torch.testing.assert_close(found, torch.cat([fine, doubled], dim=1), atol=1e-6, rtol=0)
 
 
-@pytest.mark.parametrize("width", [1, 4, 7, 10])
+@pytest.mark.parametrize("width", [1, 4, 10])
 @pytest.mark.parametrize("kernel", [1, 3, 7])
 @pytest.mark.parametrize("channels", [1, 16])
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16], ids=str)

@@ -27,7 +27,7 @@ CONFIGS = {
     ),
     "paper, activated": FeatureRendererConfig(
         design="paper", activated_blocks=True, strides=(2, 4, 8), features=(3, 5, 4),
-        widths=(4, 5, 6), output_widths=(4,), blocks=2,
+        widths=(4, 5, 6), output_widths=(4,),
     ),
 }  # fmt: skip
 
@@ -92,19 +92,19 @@ RECTANGLES = {
 }
 
 
-@pytest.mark.parametrize("rectangles", RECTANGLES)
 @pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16], ids=str)
-def test_decoding_what_changed_gives_the_bits_of_decoding_everything(config, rectangles, dtype):
+def test_decoding_what_changed_gives_the_bits_of_decoding_everything(config, dtype):
     cells = (12, 20)
     ready, maps = prepared(renderer_of(config), dtype), maps_of(config, cells)
-    masks = changed_in(config, cells, RECTANGLES[rectangles])
-    new = altered(maps, masks, config, cells)
-    wanted, all_values = decode(ready, new)
-    _, before = decode(ready, maps)
-    picture, after = decode_again(ready, new, before, masks)
-    assert torch.equal(picture, wanted)
-    for ours, theirs in zip(after.values, all_values.values, strict=True):
-        assert torch.equal(ours, theirs)
+    for name, rectangles in RECTANGLES.items():
+        _, before = decode(ready, maps)
+        masks = changed_in(config, cells, rectangles)
+        new = altered(maps, masks, config, cells)
+        wanted, everything = decode(ready, new)
+        picture, after = decode_again(ready, new, before, masks)
+        assert torch.equal(picture, wanted), name
+        for ours, theirs in zip(after.values, everything.values, strict=True):
+            assert torch.equal(ours, theirs), name
 
 
 def test_many_frames_of_changes_here_and_there_leave_no_trace(config):
@@ -112,7 +112,7 @@ def test_many_frames_of_changes_here_and_there_leave_no_trace(config):
     ready, maps = prepared(renderer_of(config)), maps_of(config, cells)
     generator = torch.Generator().manual_seed(2)
     _, state = decode(ready, maps)
-    for frame in range(12):
+    for frame in range(8):
         masks = [torch.rand(m.shape[-2:], generator=generator) < 0.01 * (frame % 4) for m in maps]
         new = [torch.randn(m.shape, generator=generator) for m in maps]
         maps = [torch.where(m, b, a) for m, a, b in zip(masks, maps, new, strict=True)]
