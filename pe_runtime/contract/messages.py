@@ -90,7 +90,7 @@ def write_message(stream: BufferedIOBase, message: Message) -> None:
     _check_size(len(header), sum(array.nbytes for array in arrays.values()))
     stream.write(len(header).to_bytes(8, "little") + header)
     for array in arrays.values():
-        stream.write(array.tobytes())
+        stream.write(array)
     stream.flush()
 
 
@@ -123,7 +123,8 @@ def read_message(stream: BufferedIOBase) -> Message | None:
 def _wire_array(name: str, array: np.ndarray) -> np.ndarray:
     if array.dtype.name not in DTYPES:
         raise WorkerError(f"buffer {name!r} is {array.dtype}; the wire carries {', '.join(DTYPES)}")
-    return array.astype(array.dtype.newbyteorder("<"), copy=False)
+    # Contiguous, so that the stream takes it as it lies in memory.
+    return np.ascontiguousarray(array, array.dtype.newbyteorder("<")).reshape(array.shape)
 
 
 def _read(stream: BufferedIOBase, count: int, what: str, may_end: bool = False) -> bytes | None:

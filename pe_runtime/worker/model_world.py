@@ -94,7 +94,7 @@ class ModelWorld:
             seconds = time.perf_counter() - began
             buffers = {"rgb": to_uint8(frame.rgb)}
             if frame.depth is not None:
-                buffers["depth"] = frame.depth.astype(np.float32)
+                buffers["depth"] = frame.depth.astype(np.float32, copy=False)
             masks = {f"mask:{name}": mask for name, mask in frame.masks.items()}
             yield Picture(number, buffers | masks, seconds)
 
