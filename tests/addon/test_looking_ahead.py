@@ -107,7 +107,7 @@ def test_a_wrong_guess_does_not_keep_esc_from_working(start, whole):
     client.foresee(take_of(whole, 2), 2, whole)
     with pytest.raises(WorkerCancelledError):
         client.render(take_of(whole, 3), 3, lambda: asked.append(1) or True, whole)
-    assert len(asked) == 1 and client._inbox.empty()
+    assert len(asked) == 1
     assert client.render(take_of(whole, 3), 3, whole=whole).number == 3
 
 
