@@ -26,8 +26,8 @@ from pe_runtime.rendering.prepared_renderer import PreparedRenderer, prepared
 from pe_runtime.rendering.sampling import grid_pixels
 from pe_runtime.rendering.scene import RenderSettings
 
-BASE_STEP = 256.0
-"""Steps of the depth from which samples of distant objects count, metres."""
+BASE_STEP = 32.0
+"""Depths of samples count from whole steps of at least so many radii of the largest object."""
 
 
 @dataclass(frozen=True)
@@ -197,18 +197,20 @@ def base_depth(camera: Cameras, placed: Mapping[str, Placed], settings: RenderSe
     if settings.release is not None:
         return 0.0
     centre, ahead = camera.centres[0].tolist(), camera.rotations[0, :, 2].tolist()
-    nearest = math.inf
+    nearest, largest = math.inf, 0.0
     for each in placed.values():
         config = each.object.field.config
         if config.kind == "sky":
             continue
-        corners = [max(abs(a), abs(b)) for a, b in zip(config.low, config.high, strict=True)]
+        reach = [max(abs(a), abs(b)) for a, b in zip(config.low, config.high, strict=True)]
+        radius = math.hypot(*reach)
         way = [p - c for p, c in zip(each.object.position.tolist(), centre, strict=True)]
-        depth = sum(a * b for a, b in zip(way, ahead, strict=True)) - math.hypot(*corners)
-        nearest = min(nearest, depth)
-    if not BASE_STEP < nearest < math.inf:
+        depth = sum(a * b for a, b in zip(way, ahead, strict=True)) - radius
+        nearest, largest = min(nearest, depth), max(largest, radius)
+    if not 0 < nearest < math.inf or largest == 0:
         return 0.0
-    return BASE_STEP * (nearest // BASE_STEP)
+    step = 2.0 ** math.ceil(math.log2(BASE_STEP * largest))
+    return step * (nearest // step)
 
 
 def _bytes(values: Tensor) -> bytes:
