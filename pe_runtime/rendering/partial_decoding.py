@@ -119,13 +119,14 @@ def _cells(value: Tensor, region: Region) -> Tensor:
 
 
 def _reached(step: Step, regions: Sequence[Sequence[Region]], whole: Region) -> list[Region]:
-    """Where a step's value may change if its sources change in their regions."""
+    """Where a step's value may change if its sources change in their regions.
+
+    What is added to it changes nowhere else: the sources come from the same cells and see further.
+    """
     radius = step.convolution.radius if step.convolution else 0
     reached = []
     for source in step.sources:
         reached += [_seen_from(each, source).grown(radius, whole) for each in regions[source.index]]
-    if step.plus is not None:
-        reached += regions[step.plus]
     return merged(reached)
 
 
