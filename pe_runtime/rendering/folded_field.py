@@ -6,6 +6,7 @@ caches; what a row becomes does not depend on the rows beside it, so any bundle 
 same numbers to the last bit.
 """
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -31,19 +32,28 @@ BUCKET = 256
 
 @dataclass(frozen=True)
 class Affine:
-    """W x + b.
+    """W x + b, and max(0, W x + b).
 
     Attributes:
         weight: (outputs, inputs).
         bias: (outputs).
+        packed: The weight as oneDNN's kernels want it, which are twice as fast as the plain
+            product and join the ReLU to it; None where there is no oneDNN.
     """
 
     weight: Float[Tensor, "outputs inputs"]
     bias: Float[Tensor, " outputs"]
+    packed: Tensor | None
 
-    def __call__(self, rows: Float[Tensor, "rows inputs"]) -> Float[Tensor, "rows outputs"]:
-        """All rows through the layer."""
-        return linear(rows, self.weight, self.bias)
+    def __call__(
+        self, rows: Float[Tensor, "rows inputs"], relu: bool = False
+    ) -> Float[Tensor, "rows outputs"]:
+        """All rows through the layer, and through a ReLU if asked for."""
+        if self.packed is not None:
+            after = "relu" if relu else "none"
+            return torch.ops.mkldnn._linear_pointwise(rows, self.packed, self.bias, after, [], "")
+        result = linear(rows, self.weight, self.bias)
+        return torch.relu_(result) if relu else result
 
 
 @dataclass(frozen=True)
@@ -53,17 +63,17 @@ class Trunk:
     encoding: PositionalEncoding
     layers: tuple[Affine, ...]
     skip: int
-    again: Float[Tensor, "width encoded"] | None
+    again: Affine | None
 
     def __call__(self, coordinates: Float[Tensor, "rows dims"]) -> Float[Tensor, "rows width"]:
         """Hidden features, after the last ReLU."""
         encoded = self._encoded(coordinates)
-        hidden = torch.relu_(self.layers[0](encoded))
+        hidden = self.layers[0](encoded, relu=True)
         for index, layer in enumerate(self.layers[1:], start=1):
-            hidden = layer(hidden)
             if index == self.skip and self.again is not None:
-                hidden += linear(encoded, self.again)
-            torch.relu_(hidden)
+                hidden = torch.relu_(layer(hidden).add_(self.again(encoded)))
+            else:
+                hidden = layer(hidden, relu=True)
         return hidden
 
     def _encoded(self, coordinates: Tensor) -> Tensor:
@@ -155,7 +165,7 @@ class FoldedField:
 
     def _branch(self, hidden: Tensor) -> Tensor:
         for layer in self.head:
-            hidden = torch.relu_(layer(hidden))
+            hidden = layer(hidden, relu=True)
         return hidden
 
 
@@ -179,7 +189,7 @@ def fold_field(
     skip = field.skip.weight if config.field.skip else None
     parts = [(each.weight, each.bias) for each in field.layers]
     layers = tuple(_affine(w, b, dtype) for w, b in [_widened(*parts[0]), *parts[1:]])
-    again = None if skip is None else _widened(skip)[0].detach().to(dtype)
+    again = None if skip is None else _affine(_widened(skip)[0], _zeros(skip), dtype)
     head = []
     for layer, modulation in zip(field.head, field.modulations, strict=True):
         scale, shift = (each[0] for each in modulation(style[None]))
@@ -205,7 +215,8 @@ def _folded_bending(bending: RayBending, pose: Tensor, dtype: torch.dtype) -> tu
     again = None
     if bending.skip:
         layers[bending.skip][1] = layers[bending.skip][1] + linear(pose, bending.skip_pose.weight)
-        again = _widened(bending.skip_encoding.weight)[0].detach().to(dtype)
+        skip = bending.skip_encoding.weight
+        again = _affine(_widened(skip)[0], _zeros(skip), dtype)
     folded = tuple(_affine(weight, bias, dtype) for weight, bias in layers)
     output = _affine(bending.output.weight, bending.output.bias, dtype)
     return Trunk(bending.encoding, folded, bending.skip, again), output
@@ -216,8 +227,26 @@ def _widened(weight: Tensor, bias: Tensor | None = None) -> tuple[Tensor, Tensor
     return torch.nn.functional.pad(weight, (0, -weight.shape[1] % 4)), bias
 
 
+def _zeros(weight: Tensor) -> Tensor:
+    return weight.new_zeros(weight.shape[0])
+
+
 def _affine(weight: Tensor, bias: Tensor, dtype: torch.dtype) -> Affine:
-    return Affine(weight.detach().to(dtype).contiguous(), bias.detach().to(dtype))
+    weight, bias = weight.detach().to(dtype).contiguous(), bias.detach().to(dtype)
+    packed = None
+    if _packs(weight.device.type, dtype):
+        packed = torch.ops.mkldnn._reorder_linear_weight(weight, None)
+    return Affine(weight, bias, packed)
+
+
+@functools.cache
+def _packs(kind: str, dtype: torch.dtype) -> bool:
+    """Whether oneDNN has products with packed weights here."""
+    if kind != "cpu" or not torch.backends.mkldnn.is_available():
+        return False
+    if not hasattr(torch.ops.mkldnn, "_linear_pointwise"):
+        return False
+    return dtype == torch.float32 or torch.ops.mkldnn._is_mkldnn_bf16_supported()
 
 
 def in_blocks(
