@@ -1,5 +1,6 @@
 """Dynamics network R: state, action and memory -> next state and memory."""
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -123,7 +124,7 @@ class DynamicsNetwork(nn.Module):
         heading = state.heading
         if self.turn is not None:
             sine, cosine = self.turn(hidden).unbind(dim=-1)
-            heading = state.facing + torch.atan2(sine, cosine)
+            heading = _within_half_a_turn(state.facing + torch.atan2(sine, cosine))
         return Step(PlayerState(position, style, self.pose(hidden), heading), movement, memory)
 
     def _seen(self, state: PlayerState) -> list[Tensor]:
@@ -144,3 +145,11 @@ class DynamicsNetwork(nn.Module):
             cell.append(state)
         features = torch.relu(self.hidden(features))
         return features, Memory(torch.stack(hidden), torch.stack(cell))
+
+
+def _within_half_a_turn(angle: Float[Tensor, " batch"]) -> Float[Tensor, " batch"]:
+    """The same direction between -pi and pi; angles that add up for ever would lose their digits.
+
+    Not by subtracting turns: 2 pi is no float32 number, and the difference would add up too.
+    """
+    return torch.where(angle.abs() > math.pi, torch.atan2(angle.sin(), angle.cos()), angle)

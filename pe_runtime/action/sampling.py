@@ -29,9 +29,11 @@ class Noise:
 
     def exponential(self, like: Tensor) -> Tensor:
         """Numbers of the exponential distribution of mean 1; neither 0 nor infinite."""
-        uniform = torch.rand(like.shape, generator=self.generator).to(like)
+        # In bfloat16 many a number below 1 would round to 1.
+        wide = torch.promote_types(like.dtype, torch.float32)
+        uniform = torch.rand(like.shape, generator=self.generator).to(like.device, wide)
         # The logarithm of 0 and of 1 would be infinite in the Gumbel noise made of this.
-        return -torch.log(uniform.clamp(torch.finfo(like.dtype).tiny, 1.0 - 1e-7))
+        return -torch.log(uniform.clamp(torch.finfo(wide).tiny, 1.0 - 1e-7)).to(like)
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,9 @@ from pe_runtime.config import ActionConfig
 SMALLEST = 1e-12
 """An action with less probability than this in a whole batch leaves its centroid where it is."""
 
+LARGEST_SPREAD = 20.0
+"""Log-variances of states are cut to so much; those of scenes as they are seen lie within +-10."""
+
 
 class StateActionNetwork(nn.Module):
     """A: a perceptron that embeds each state as a normal distribution.
@@ -51,7 +54,9 @@ class StateActionNetwork(nn.Module):
             hidden = torch.cat([hidden, torch.stack(turned, dim=-1)], dim=-1)
         for layer in (self.first, self.second, self.third):
             hidden = torch.relu(layer(hidden))
-        points, spreads = self.mean(hidden), self.log_variance(hidden)
+        points = self.mean(hidden)
+        # A foot near the horizon is found kilometres away, where the variance would be infinite.
+        spreads = self.log_variance(hidden).clamp(-LARGEST_SPREAD, LARGEST_SPREAD)
         mean = points[:, 1:] - points[:, :-1]
         log_variance = torch.logaddexp(spreads[:, 1:], spreads[:, :-1])
         direction = mean

@@ -11,6 +11,9 @@ from pe_runtime.geometry.cameras import Cameras, project
 EDGE_POINTS = 5
 """Points within each edge that stand for it where a volume reaches behind the camera."""
 
+NEAREST = 1e-3
+"""Depth, in diagonals of a volume, that its corners need to lie in front of the camera."""
+
 
 def intersect_box(
     origins: Float[Tensor, "rays 3"],
@@ -32,11 +35,13 @@ def intersect_box(
 
     Returns:
         Entry and exit parameters, and whether the ray passes through the box at all. Both are 0
-        where it does not. A ray that only touches an edge or a face passes through nothing.
+        where it does not. A ray that only touches an edge or a face passes through nothing, nor
+        does any ray through a box that is flat or upside down.
     """
     if offset is not None:
         directions = directions + offset
-    parallel = directions == 0
+    # A crossing's gradient is (face - origin) / d^2, which must not overflow.
+    parallel = directions.abs() < torch.finfo(directions.dtype).tiny ** 0.25
     safe = torch.where(parallel, torch.ones_like(directions), directions)
     first = (low - origins) / safe
     second = (high - origins) / safe
@@ -47,7 +52,7 @@ def intersect_box(
     entry = torch.where(parallel, enters, torch.minimum(first, second)).amax(dim=-1)
     leave = torch.where(parallel, -enters, torch.maximum(first, second)).amin(dim=-1)
     entry = entry.clamp(min=near)
-    hit = (leave > entry) & torch.isfinite(entry) & torch.isfinite(leave)
+    hit = (leave > entry) & torch.isfinite(entry) & torch.isfinite(leave) & (low < high).all()
     return torch.where(hit, entry, 0.0), torch.where(hit, leave, 0.0), hit
 
 
@@ -79,7 +84,7 @@ def box_in_image(
     points = _turned(corners(low, high).double(), headings)
     pixels, depth = project(cameras, positions[:, None].double() + points)
     boxes = torch.cat([pixels.amin(dim=1), pixels.amax(dim=1)], dim=-1)
-    return boxes, (depth > 1e-3).all(dim=-1)
+    return boxes, (depth > NEAREST * (high - low).norm()).all(dim=-1)
 
 
 def outline(low: Float[Tensor, "3"], high: Float[Tensor, "3"]) -> Float[Tensor, "points 3"]:

@@ -89,7 +89,9 @@ def ray_directions(
     focal, middle = intrinsics[:, (0, 1), (0, 1)], intrinsics[:, :2, 2]
     aside = (pixels.to(dtype) - middle[frame]) / focal[frame]
     local = torch.cat([aside, torch.ones_like(aside[:, :1])], dim=-1)
-    return torch.einsum("rij,rj->ri", cameras.rotations.to(dtype)[frame], local)
+    # Where networks multiply in bfloat16, rays may not: they would miss by whole pixels.
+    with torch.autocast(local.device.type, enabled=False):
+        return torch.einsum("rij,rj->ri", cameras.rotations.to(dtype)[frame], local)
 
 
 def project(

@@ -62,7 +62,14 @@ class ObjectEncoder(nn.Module):
         else:
             pose = self.pose(crops, view)
         with torch.autocast(pose.device.type, enabled=False):
-            return style, self.normalise(pose.float())
+            return style, self._normalised(pose.float())
+
+    def _normalised(self, pose: Tensor) -> Tensor:
+        if len(pose) > 1:
+            return self.normalise(pose)
+        # A single crop has no deviation; it is seen by those of the crops before it.
+        running = self.normalise.running_mean, self.normalise.running_var
+        return nn.functional.batch_norm(pose, *running, eps=self.normalise.eps)
 
 
 class ResidualEncoder(nn.Module):

@@ -101,7 +101,8 @@ def thickness_to_next(
     """
     gaps = torch.full_like(depth, LAST_GAP)
     gaps[:, :-1] = depth[:, 1:] - depth[:, :-1]
-    return density * gaps.to(density)
+    # A sample that extends over nothing is nothing, however dense: infinity times 0 is no number.
+    return density.clamp(max=torch.finfo(density.dtype).max) * gaps.to(density)
 
 
 def carve(

@@ -98,7 +98,8 @@ def soft_delta_mse(
         L = 1 / (J Var(D)) sum_j sum_k p_jk |D_j - mu_k|^2,   Var(D) = 1/J sum_j |D_j - mean D|^2
     The paper prints the sum without 1/J; with it the value does not depend on the batch and is the
     Delta-MSE in [0, 1] when the p are one-hot. Actions that nobody takes have no mean and cost
-    nothing; movements that are all equal (Var = 0) give 0.
+    nothing; movements that are all equal (Var = 0) give 0, and a variance below 1e-12 counts as
+    that.
 
     Args:
         probabilities: p, rows that sum to 1.
@@ -109,10 +110,15 @@ def soft_delta_mse(
     """
     if moves.shape[0] == 0:
         return probabilities.sum()
-    mass = probabilities.sum(dim=0)
-    centres = (probabilities.T @ moves) / (mass + slack).clamp_min(SMALLEST)[:, None]
-    distance = (moves[:, None] - centres[None]).square().sum(dim=-1)
-    variance = (moves - moves.mean(dim=0)).square().sum(dim=-1).mean() + moves.shape[1] * slack
+    mass = (probabilities.sum(dim=0) + slack).clamp_min(SMALLEST)[:, None]
+    # Seen from their mean, whose own rounding is taken off too: the roundings of large movements
+    # would be a variance of their own.
+    mean = moves.mean(dim=0)
+    away = moves - mean
+    mean, away = mean + away.mean(dim=0), away - away.mean(dim=0)
+    centres = (probabilities.T @ away - slack * mean) / mass
+    distance = (away[:, None] - centres[None]).square().sum(dim=-1)
+    variance = away.square().sum(dim=-1).mean() + moves.shape[1] * slack
     return (probabilities * distance).sum(dim=-1).mean() / variance.clamp_min(SMALLEST)
 
 

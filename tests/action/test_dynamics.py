@@ -185,3 +185,22 @@ def test_every_parameter_of_a_turning_r_gets_a_gradient():
     sum(s.position.square().sum() + s.pose.sum() + s.heading.sum() for s in states).backward()
     without = [n for n, p in network.named_parameters() if p.grad is None or not p.grad.any()]
     assert not without
+
+
+def test_two_thousand_turns_end_where_exact_angles_do():
+    config = dataclasses.replace(
+        SMALL, sees_heading=True, predict_heading=True, movement_frame="object"
+    )
+    torch.manual_seed(0)
+    network = DynamicsNetwork(config, 8, 16)
+    with torch.no_grad():
+        network.turn.weight.zero_()
+        network.turn.bias.copy_(torch.tensor([math.sin(2.5), math.cos(2.5)]))
+        now, memory = state(1), network.initial_memory(1)
+        for _ in range(2_000):
+            step = network(now, control(1), memory)
+            now, memory = step.state, step.memory
+            assert now.heading.abs().item() <= math.pi + 1e-6
+    sine, cosine = network.turn.bias.double().tolist()
+    exact = 2_000 * math.atan2(sine, cosine)
+    assert abs(math.remainder(now.heading.item() - exact, math.tau)) < 5e-4

@@ -124,3 +124,12 @@ def test_centroids_move_to_the_mean_directions_of_their_actions():
     # Means: (1 * 2 + 0.5 * 5) / 1.5 = 3 and 0.5 * 3 / 1.5 = 1; then (5, 3); the third is no one's.
     expected = torch.tensor([[0.9 + 0.3, 0.1], [0.5, 0.9 + 0.3], [5.0, 5.0]])
     assert torch.allclose(found, expected)
+
+
+def test_positions_kilometres_away_leave_variances_and_their_gradients_finite(network, sequence):
+    far = dataclasses.replace(sequence, positions=sequence.positions * 1e6)
+    estimate = network(far, noise())
+    spread = torch.exp(estimate.log_variance).sum() + estimate.direction.sum()
+    spread.backward()
+    assert torch.isfinite(spread)
+    assert all(torch.isfinite(each.grad).all() for each in network.first.parameters())

@@ -153,3 +153,13 @@ def test_far_from_the_origin_digits_survive():
     assert meets.all()
     offset = far_ground - near_ground - torch.tensor([1e6, 1e6, 0.0], dtype=torch.float64)
     assert offset.abs().max() < 1e-8
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_rays_keep_their_digits_where_networks_multiply_in_bfloat16(dtype):
+    cameras, frame = Cameras.stack([camera()]), torch.zeros(3, dtype=torch.long)
+    pixels = torch.tensor([[0.5, 0.5], [7.25, 3.5], [30.0, 15.0]])
+    wanted = ray_directions(cameras, frame, pixels, dtype)
+    with torch.autocast("cpu", torch.bfloat16):
+        found = ray_directions(cameras, frame, pixels, dtype)
+    assert torch.equal(found, wanted)

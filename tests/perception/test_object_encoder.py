@@ -172,3 +172,13 @@ def test_half_precision_residual_trunks_still_give_float32_codes(design):
     with torch.autocast("cpu", torch.bfloat16):
         codes = module(pictures, views)
     assert {each.dtype for each in codes} == {torch.float32}
+
+
+def test_a_training_batch_of_one_crop_is_normalised_as_the_crops_before_it():
+    module = encoder().train()
+    before = {name: each.clone() for name, each in module.named_buffers()}
+    pictures, views = crops(count=1)
+    _, pose = module(pictures, views)
+    pose.sum().backward()
+    assert all(torch.equal(each, before[name]) for name, each in module.named_buffers())
+    torch.testing.assert_close(pose.detach(), module.eval()(pictures, views)[1].detach())

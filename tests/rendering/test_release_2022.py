@@ -148,3 +148,11 @@ def test_opaque_classes_have_no_place_in_this_quadrature():
     wall = ObjectClassConfig(opaque=True)
     with pytest.raises(ConfigError, match="no opaque class"):
         ModelConfig(quadrature="release-2022", classes={"wall": wall})
+
+
+def test_a_sample_that_extends_over_nothing_is_nothing_however_dense():
+    density = torch.tensor([[torch.inf, torch.inf, 2.0]], requires_grad=True)
+    thickness = thickness_to_next(torch.tensor([[1.0, 1.0, 1.5]]), density)
+    assert thickness[0, 0] == 0.0 and thickness[0, 1] > 1e30
+    (slope,) = torch.autograd.grad(thickness[:, 0].sum() + thickness[:, 2].sum(), density)
+    assert torch.isfinite(slope).all()

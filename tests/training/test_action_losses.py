@@ -189,3 +189,10 @@ def test_logits_of_a_thousand_stay_finite():
     logits = torch.tensor([1e3, -1e3], requires_grad=True)
     (discriminator_loss(logits, logits) + generator_loss(logits)).backward()
     assert torch.isfinite(logits.grad).all()
+
+
+@pytest.mark.parametrize("step", [0.3, 37.3, 1234.5, 1e6])
+@pytest.mark.parametrize("dtype", [torch.float32, torch.bfloat16])
+def test_movements_that_are_all_equal_cost_nothing_however_long_they_are(step, dtype):
+    p = probabilities(7, 3, 0).to(dtype)
+    assert soft_delta_mse(p, torch.full((7, 2), step, dtype=dtype)).item() < 1e-3
