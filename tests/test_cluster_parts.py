@@ -27,6 +27,9 @@ from pe_runtime.cluster.parcels import (
 )
 from pe_runtime.cluster.runs import LONGEST, split_into_runs
 from pe_runtime.contract.errors import ClusterError
+from pe_runtime.environment import PlayableEnvironment, find_model
+from pe_runtime.shots import start_state
+from pe_runtime.shots.clips import sample_clip, start_from_clip
 from pe_runtime.state import EnvironmentState, ObjectState
 
 
@@ -182,11 +185,9 @@ def test_an_answer_that_does_not_fit_its_run_is_refused(changes):
 
 def test_a_worker_draws_its_run_and_keeps_the_model(model, tmp_path, monkeypatch):
     loaded = []
-    load = drawing.PlayableEnvironment.load
+    load = PlayableEnvironment.load
     monkeypatch.setattr(drawing, "_worlds", {})
-    monkeypatch.setattr(
-        drawing.PlayableEnvironment, "load", lambda *a: loaded.append(a) or load(*a)
-    )
+    monkeypatch.setattr(PlayableEnvironment, "load", lambda *a: loaded.append(a) or load(*a))
     parcel = pack(job(model), orders())
     first, again = draw(parcel, at(tmp_path)), draw(parcel, at(tmp_path))
     assert first == again
@@ -222,6 +223,20 @@ def test_a_worker_uses_the_threads_that_the_job_or_else_dask_gives_it(model, tmp
     assert torch.get_num_threads() == 2
     draw(pack(job(model, threads=1), orders(1)), at(tmp_path, threads=2))
     assert torch.get_num_threads() == 1
+
+
+@pytest.mark.parametrize("quality", ["exact", "draft"])
+def test_a_frame_has_the_same_bytes_whatever_the_number_of_threads(tmp_path, monkeypatch, quality):
+    model, start = find_model("duel"), start_from_clip(sample_clip("duel"))
+    state = start_state(PlayableEnvironment.load(model, "cpu"), start)
+    order = FrameOrder(1, "digest", state, start.camera)
+    drawn = []
+    for threads in (1, 2):
+        monkeypatch.setattr(drawing, "_worlds", {})
+        parcel = pack(job(model, quality=quality, threads=threads), [order])
+        drawn.append(draw(parcel, at(tmp_path)).drawn[1])
+        assert torch.get_num_threads() == threads
+    assert drawn[0] == drawn[1]
 
 
 def test_a_worker_takes_no_other_file_for_the_model(model, tmp_path, monkeypatch):
