@@ -16,7 +16,9 @@ from pe_runtime.benchmark.reference import reference_picture
 from pe_runtime.benchmark.scenes import Scene
 from pe_runtime.benchmark.seeded import SEEDED_TENNIS
 
-SECTIONS = ("points", "pixels", "objects", "samples", "frames")
+OF_MODELS = ("points", "pixels", "objects", "samples", "frames")
+BLENDER = "blender"
+SECTIONS = (*OF_MODELS, BLENDER)
 DEFAULT_MODELS = ("duel", SEEDED_TENNIS)
 QUICK_MODELS = ("duel",)
 
@@ -64,9 +66,10 @@ def name_of(model: str) -> str:
 def quick(plan: Plan) -> Plan:
     """The same in seconds: small pictures, few frames. Says that it works, not how fast it is."""
     models = QUICK_MODELS if plan.models == DEFAULT_MODELS else plan.models
-    rows = ROWS // 50
-    small = {"frames": 3, "repeats": 1, "object_rounds": 1, "long_film": 6, "finer": 4, "shrink": 4}
-    return replace(plan, models=models, switches=False, product_rows=rows, **small)
+    sections = OF_MODELS if plan.sections == SECTIONS else plan.sections
+    small = {"frames": 3, "repeats": 1, "object_rounds": 1, "long_film": 6, "finer": 4}
+    small |= {"shrink": 4, "product_rows": ROWS // 50, "switches": False}
+    return replace(plan, models=models, sections=sections, **small)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from pe_runtime.benchmark.tables import machine_line, title_of
+from pe_runtime.benchmark.tables import figures, machine_line, title_of
 
 Record = Mapping[str, Any]
 FILMS = (
@@ -94,7 +94,7 @@ def _error_panel(axes: Axes, model: Record, finer: int) -> None:
     axes.grid(which="major", alpha=0.25)
     axes.set_title(f"{title_of(model)}: run time against error", fontsize=10)
     times = [1000 * point["seconds"]["moving"]["median"] for point in points]
-    names = [f"{p['name']}, {time:.3g} ms" for p, time in zip(points, times, strict=True)]
+    names = [f"{p['name']}, {figures(time)} ms" for p, time in zip(points, times, strict=True)]
     _label_rows(axes, names, errors, colours)
     for _, mark, text in FILMS:
         axes.plot([], [], mark, color="#333333", label=text)

@@ -9,6 +9,7 @@ from typing import Any
 import torch
 
 import pe_runtime
+from pe_runtime.benchmark.blender_path import PathJob, blender_path_section
 from pe_runtime.benchmark.costs import (
     measure_frames,
     measure_objects,
@@ -17,7 +18,7 @@ from pe_runtime.benchmark.costs import (
 )
 from pe_runtime.benchmark.jobs import Job, Measurement
 from pe_runtime.benchmark.machine import describe_machine
-from pe_runtime.benchmark.plan import SECTIONS, Bench, Plan, name_of
+from pe_runtime.benchmark.plan import BLENDER, OF_MODELS, SECTIONS, Bench, Plan, name_of
 from pe_runtime.benchmark.points import all_points
 from pe_runtime.benchmark.processes import measure
 from pe_runtime.benchmark.quality_points import measure_points
@@ -25,6 +26,8 @@ from pe_runtime.benchmark.scenes import Scene, open_scene, store_scene
 from pe_runtime.benchmark.variations import resized
 from pe_runtime.contract.errors import ConfigError
 
+BLENDER_FRAMES = 8
+"""Frames of each way through Blender, per repeat."""
 FORMAT = 1
 """Version of the report; docs/benchmark.md describes it."""
 
@@ -57,7 +60,7 @@ def run_benchmark(
     if unknown:
         raise ConfigError(f"no section {unknown[0]!r}; there are: {', '.join(SECTIONS)}")
     plan = replace(plan, device=_resolved(plan.device))
-    total, done = len(plan.models) * sum(map(plan_steps(plan).get, plan.sections)), 0
+    total, done = sum(plan_steps(plan)[name] for name in plan.sections), 0
 
     def step() -> None:
         nonlocal done
@@ -73,21 +76,26 @@ def run_benchmark(
             start = Path(folder, f"start_{number}.json")
             store_scene(scene, start)
             bench = Bench(plan, model, scene, str(start), by, step)
-            sections = {name: MEASURES[name](bench) for name in SECTIONS if name in plan.sections}
+            sections = {name: MEASURES[name](bench) for name in OF_MODELS if name in plan.sections}
             models.append(_about(model, scene) | sections)
-    return {
+    found = {
         "format": FORMAT,
         "version": pe_runtime.__version__,
         "plan": plan.as_dict(),
         "machine": machine,
         "models": models,
     }
+    if BLENDER in plan.sections:
+        found[BLENDER] = blender_path_section(PathJob(frames=BLENDER_FRAMES * plan.repeats))
+        step()
+    return found
 
 
 def plan_steps(plan: Plan) -> dict[str, int]:
-    """How many processes each section starts."""
-    one = dict.fromkeys(SECTIONS, 1)
-    return one | {"points": len(all_points(switches=plan.switches)) * plan.repeats, "frames": 2}
+    """How many processes each section starts, for all models together."""
+    points = len(all_points(switches=plan.switches)) * plan.repeats
+    steps = dict.fromkeys(OF_MODELS, 1) | {"points": points, "frames": 2}
+    return {name: len(plan.models) * count for name, count in steps.items()} | {BLENDER: 1}
 
 
 def _resolved(device: str) -> str:

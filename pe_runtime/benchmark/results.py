@@ -11,9 +11,9 @@ COSTS = ("pixels", "objects", "samples", "frames")
 
 
 def write_results(report: dict[str, Any], folder: Path) -> list[Path]:
-    """Write benchmark.json, benchmark.md, and the plots for which there is something to show."""
+    """Write benchmark.json, benchmark_tables.md, and the plots that have something to show."""
     folder.mkdir(parents=True, exist_ok=True)
-    written = [folder / "benchmark.json", folder / "benchmark.md"]
+    written = [folder / "benchmark.json", folder / "benchmark_tables.md"]
     for path, text in zip(written, (_json(report), as_markdown(report)), strict=True):
         unfinished = path.with_name(f".{path.name}")
         unfinished.write_text(text)

@@ -14,17 +14,18 @@ from pe_runtime.interop.official_entries import official_config
 from pe_runtime.networks import SynthesisNetworks
 
 SEEDED_TENNIS = "seeded-tennis"
-HE = math.sqrt(2)
 GAINS = (
-    (".bending.output.", 0.1),
-    (".density.", 3.0),
+    (".bending.output.", 0.05),
+    ("_player.density.", 3.0),
+    (".density.", 0.5),
     (".modulations.", 0.3),
-    ("feature_renderer.picture.", 1.0),
+    ("feature_renderer.picture.", 1.5),
     ("feature_renderer.", 1.0),
-    ("", HE),
+    ("", 1.25),
 )
 """Part of a name and the size of what such layers give, relative to what they take; the first that
-fits counts. ReLU layers keep sizes with sqrt(2); the density makes half of each volume solid."""
+fits counts. Players and court come out solid, pictures in middle tones and full of contrast. With
+larger gains eight white layers are chaotic: the rounding of float32 alone would show."""
 
 
 def seeded_tennis(device: str = "cpu", seed: int = 0) -> PlayableEnvironment:

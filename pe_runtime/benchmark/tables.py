@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Group
 from rich.table import Table
 
@@ -35,6 +36,8 @@ def sheets(report: Record) -> list[Sheet]:
         for name, make in makers:
             if model.get(name):
                 found.append(make(model, machine_line(report["machine"])))
+    if report.get("blender"):
+        found.append(_blender(report["blender"]))
     return found
 
 
@@ -42,9 +45,13 @@ def as_tables(report: Record) -> Group:
     """For the terminal."""
     tables = []
     for sheet in sheets(report):
-        table = Table(title=sheet.title, caption=sheet.caption or None, title_justify="left")
+        looks = {"box": SIMPLE_HEAD, "title_justify": "left", "caption_justify": "left"}
+        table = Table(title=sheet.title, caption=sheet.caption or None, **looks)
         for number, heading in enumerate(sheet.headings):
-            table.add_column(heading, justify="right" if number else "left", overflow="fold")
+            # A cut or folded number is no number; better a wide line.
+            width = max(len(heading), *(len(row[number]) for row in sheet.rows))
+            justify = "right" if number else "left"
+            table.add_column(heading, justify=justify, min_width=width, no_wrap=True)
         for row in sheet.rows:
             table.add_row(*row)
         tables.append(table)
@@ -79,7 +86,7 @@ def title_of(model: Record) -> str:
 def milliseconds(seconds: Record) -> str:
     """Median and half the distance of the quartiles, such as `71.2 ±0.9`."""
     median, half = 1000 * seconds["median"], 500 * (seconds["high"] - seconds["low"])
-    return f"{_figures(median)} ±{half:.{0 if median >= 99.5 else 1}f}"
+    return f"{figures(median)} ±{half:.{0 if median >= 99.5 else 1}f}"
 
 
 def _points(model: Record, machine: str) -> Sheet:
@@ -123,12 +130,12 @@ def _errors(model: Record, machine: str) -> Sheet:
             )
         )
     headings = (
-        *("quality", "RMSE", "perceptual", "max, converged", "PSNR, converged"),
-        *("perceptual, converged", "unchanged, ms", "cold, ms"),
+        *("quality", "RMSE", "perceptual", "c. max", "c. PSNR", "c. perceptual"),
+        *("unchanged", "cold"),
     )
     caption = (
-        "Errors against float64 and against the converged integral; milliseconds of a frame in "
-        "which nothing changed, and of the first one in a process."
+        "Errors against float64 and (c.) against the converged integral; milliseconds of a frame "
+        "in which nothing changed, and of the first one in a process."
     )
     return Sheet(f"{title_of(model)}: further figures", headings, tuple(rows), caption)
 
@@ -182,6 +189,24 @@ def _frames(model: Record, machine: str) -> Sheet:
     return Sheet(f"{title_of(model)}: memory over frames, balanced", headings, tuple(rows))
 
 
+def _blender(found: Record) -> Sheet:
+    title = f"path through Blender, {found['width']}x{found['height']}: ms a frame"
+    if "skipped" in found:
+        return Sheet(title, ("not measured",), ((found["skipped"],),))
+    parts = tuple(found["costs"][0]["parts"])
+    rows = tuple(
+        (
+            f"{each['way']}, {len(each['passes'])} more passes",
+            f"{each['overhead']:.1f}",
+            f"{each['drawing']:.1f}",
+            *(f"{each['parts'][name]:.1f}" for name in parts),
+        )
+        for each in found["costs"]
+    )
+    caption = f"Overhead over the worker's own drawing, medians; Blender {found['blender']}."
+    return Sheet(title, ("way", "overhead", "drawing", *parts), rows, caption)
+
+
 def _cast(each: Record) -> str:
     count = f"{each['count']} " if each["count"] else ""
     known = {
@@ -199,7 +224,8 @@ def _line(cells: Sequence[str]) -> str:
     return "| " + " | ".join(cells) + " |"
 
 
-def _figures(value: float) -> str:
+def figures(value: float) -> str:
+    """Three digits, or all before the point."""
     return f"{value:.0f}" if value >= 99.5 else f"{value:#.3g}"
 
 

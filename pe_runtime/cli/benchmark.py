@@ -19,7 +19,10 @@ Models = Annotated[
 ]
 Sections = Annotated[
     list[str] | None,
-    typer.Option("--only", help="points, pixels, objects, samples or frames; may be given again."),
+    typer.Option(
+        "--only",
+        help="points, pixels, objects, samples, frames or blender; may be given again.",
+    ),
 ]
 
 
@@ -43,7 +46,7 @@ def bench(
         "benchmark"
     ),
 ) -> None:
-    """Measure run time against error; writes OUT/benchmark.json, .md and two plots."""
+    """Measure run time against error; writes OUT/benchmark.json, tables and two plots."""
     if stress:
         _stress(out)
         return

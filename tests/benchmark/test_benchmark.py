@@ -6,8 +6,9 @@ import pytest
 import tiny_model
 from command_line import run
 
+from pe_runtime.benchmark import report as bench_report
 from pe_runtime.benchmark.jobs import Case, Job, carry_out
-from pe_runtime.benchmark.plan import SECTIONS, Plan, quick
+from pe_runtime.benchmark.plan import BLENDER, OF_MODELS, SECTIONS, Plan, quick
 from pe_runtime.benchmark.plots import spaced
 from pe_runtime.benchmark.points import all_points
 from pe_runtime.benchmark.processes import BenchmarkError, measure
@@ -27,7 +28,14 @@ def model(tmp_path_factory):
 
 
 def tiny_plan(model, **changes):
-    given = {"models": (model,), "frames": 3, "repeats": 2, "long_film": 12, "finer": 2}
+    given = {
+        "models": (model,),
+        "sections": OF_MODELS,
+        "frames": 3,
+        "repeats": 2,
+        "long_film": 12,
+        "finer": 2,
+    }
     return Plan(**given | {"product_rows": 64, "object_rounds": 1} | changes)
 
 
@@ -117,7 +125,8 @@ def test_hidden_objects_cost_no_evaluation(about):
 
 def test_results_are_json_markdown_and_two_plots(report, tmp_path):
     written = write_results(report, tmp_path / "out")
-    names = ["benchmark.json", "benchmark.md", "benchmark_error.png", "benchmark_cost.png"]
+    plots = ["benchmark_error.png", "benchmark_cost.png"]
+    names = ["benchmark.json", "benchmark_tables.md", *plots]
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(names)
     assert [path.name for path in written] == names
     assert json.loads(written[0].read_text()) == report
@@ -155,7 +164,7 @@ def test_only_the_sections_asked_for_are_measured(model, tmp_path):
     found = run_benchmark(tiny_plan(model, sections=("samples",)), by=carry_out)
     assert set(found["models"][0]) & set(SECTIONS) == {"samples"}
     names = [path.name for path in write_results(found, tmp_path)]
-    assert names == ["benchmark.json", "benchmark.md", "benchmark_cost.png"]
+    assert names == ["benchmark.json", "benchmark_tables.md", "benchmark_cost.png"]
 
 
 def test_an_unknown_section_is_refused_before_anything_is_measured(model):
@@ -164,7 +173,35 @@ def test_an_unknown_section_is_refused_before_anything_is_measured(model):
 
 
 def test_every_section_has_a_measure_and_a_number_of_processes():
-    assert tuple(MEASURES) == SECTIONS == tuple(plan_steps(Plan()))
+    assert tuple(MEASURES) == OF_MODELS
+    assert (*OF_MODELS, BLENDER) == SECTIONS == tuple(plan_steps(Plan()))
+
+
+@pytest.mark.parametrize(
+    "section",
+    [
+        {"limit_ms": 15.0, "width": 512, "height": 288, "skipped": "no Blender here"},
+        {
+            **{"limit_ms": 15.0, "width": 512, "height": 288, "model": "fake"},
+            **{"quality": "exact", "blender": "5.0.1", "overhead_ms": 6.5},
+            "costs": [
+                {
+                    **{"way": "still", "passes": ["depth"], "frames": 8, "overhead": 6.5},
+                    **{"quartiles": [6.0, 7.0], "drawing": 3.0, "parts": {"pipe": 1.25}},
+                }
+            ],
+        },
+    ],
+)
+def test_the_path_through_blender_is_measured_once_and_shown(monkeypatch, model, section):
+    monkeypatch.setattr(bench_report, "blender_path_section", lambda job: section)
+    steps = []
+    plan = tiny_plan(model, sections=(BLENDER,))
+    found = run_benchmark(plan, lambda *step: steps.append(step), by=pytest.fail)
+    assert steps == [(0, 1), (1, 1)]
+    assert found["blender"] == section
+    text = as_markdown(found)
+    assert "no Blender here" in text or "| still, 1 more passes | 6.5 | 3.0 | 1.2 |" in text
 
 
 def test_a_model_without_players_has_no_cost_of_objects(tmp_path):
@@ -202,6 +239,8 @@ def test_quick_is_smaller_in_every_way_but_keeps_what_was_asked_for():
     assert (small.models, small.sections) == (plan.models, plan.sections)
     assert small.frames < plan.frames and small.repeats < plan.repeats
     assert quick(Plan()).models == ("duel",)
+    assert BLENDER not in quick(Plan()).sections
+    assert quick(Plan(sections=(BLENDER,))).sections == (BLENDER,)
 
 
 def test_pe_bench_prints_a_table_and_writes_its_files(capsys, model, tmp_path):
