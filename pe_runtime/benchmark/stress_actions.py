@@ -176,7 +176,7 @@ ACTING = (
         rebuild_sequences,
         "64 eps, and 64 eps32 of the distance (64 eps where it enters products); above 1: finite",
         draws=12,
-        examples=12,
+        examples=8,
     ),
     Case(
         "movements on the ground",

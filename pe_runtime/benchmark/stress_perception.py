@@ -164,6 +164,6 @@ PERCEPTION = (
         encode_pictures,
         "4 eps of the codes by the least deviation of a normalisation; at most 0.125",
         draws=6,
-        examples=12,
+        examples=8,
     ),
 )

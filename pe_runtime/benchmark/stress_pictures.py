@@ -4,6 +4,7 @@ The truth is the benchmark's renderer in float64, which shares no code with the 
 """
 
 import copy
+from dataclasses import replace
 from functools import partial
 
 import torch
@@ -53,15 +54,43 @@ def draw_picture(quadrature: str, trial: Trial) -> Outcome:
         compare(shares, shares.double().clamp(0.0, 1.0), 1.0, BOUNDS[trial.precision]),
         finite(torch.where(seen.depth == torch.inf, 0.0, seen.depth)),
     ]
-    total, parameters = _trained(trial, scene)
-    return Outcome(worst(forward), finite(*gradients(total, parameters)))
+    total, inputs = _trained(trial, scene)
+    return Outcome(worst(forward), finite(*gradients(total, inputs)))
+
+
+def approximate_picture(quadrature: str, trial: Trial) -> Outcome:
+    """A frame with everything left out that a quality may leave out."""
+    scene = stress_scene(trial, quadrature)
+    environment = scene.environment
+    settings = RenderSettings(
+        near=environment.config.near,
+        weight_threshold=1e-3,
+        sample_share=0.5,
+        occupancy=True,
+        termination=1e-2,
+        bfloat16=trial.precision == "bfloat16",
+        remember=True,
+    )
+    cameras, codes = Cameras.stack([scene.camera]), environment.codes(scene.state)
+    picture, _ = environment.renderer.draw(cameras, codes, settings)
+    seen = environment.renderer.geometry(cameras, codes, settings)
+    shares = torch.stack(list(seen.masks.values()))
+    return Outcome(
+        worst(
+            [
+                compare(shares, shares.double().clamp(0.0, 1.0), 1.0, BOUNDS[trial.precision]),
+                finite(picture, torch.where(seen.depth == torch.inf, 0.0, seen.depth)),
+            ]
+        )
+    )
 
 
 def train_picture(quadrature: str, trial: Trial) -> Outcome:
     """A picture as training draws it, and its slope towards the gradients that training takes."""
     scene = stress_scene(trial, quadrature)
-    total, parameters = _trained(trial, scene)
-    slopes = gradients(total, parameters)
+    total, inputs = _trained(trial, scene)
+    parameters = list(scene.environment.networks.parameters())
+    slopes = gradients(total, inputs)[: len(parameters)]
     signs = torch.rand(len(slopes), generator=trial.generator()).sub(0.5).sign().tolist()
     # Each parameter is moved along its own gradient, so that each one's counts.
     sizes = [float(p.detach().norm()) for p in parameters]
@@ -83,19 +112,22 @@ def train_noisily(quadrature: str, trial: Trial) -> Outcome:
     scene = stress_scene(trial, quadrature)
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(trial.seed)
-        total, parameters = _trained(trial, scene, trial["noise"])
-    return Outcome(finite(total), finite(*gradients(total, parameters)))
+        total, inputs = _trained(trial, scene, trial["noise"])
+    return Outcome(finite(total), finite(*gradients(total, inputs)))
 
 
 def _trained(
     trial: Trial, scene: StressScene, noise: float | None = None
 ) -> tuple[Tensor, list[Tensor]]:
-    """A weighted sum of the picture that training would draw, and all parameters.
+    """A weighted sum of the picture that training would draw, and what it depends on.
 
     Args:
         trial: Where the weights of the sum come from.
         scene: What is drawn.
         noise: Deviation of raw densities, with places drawn at random; None for neither.
+
+    Returns:
+        The sum, and all parameters followed by all codes that an encoder could have found.
     """
     environment, camera = scene.environment, scene.camera
     cameras, codes = Cameras.stack([camera]), environment.codes(scene.state)
@@ -103,10 +135,27 @@ def _trained(
         near=environment.config.near, jitter=noise is not None, density_noise=noise or 0.0
     )
     size, windows = (camera.height, camera.width), torch.zeros(1, 2, dtype=torch.long)
+    codes = {
+        name: replace(
+            each,
+            position=each.position.clone().requires_grad_(),
+            style=each.style.clone().requires_grad_(),
+            pose=each.pose.clone().requires_grad_(),
+            heading=None if each.heading is None else each.heading.clone().requires_grad_(),
+        )
+        for name, each in codes.items()
+    }
     with trial.mixed():
         drawn = environment.networks.synthesise(cameras, codes, windows, size, settings)
     picture = drawn[0].permute(1, 2, 0)
-    return (picture * _towards(trial, scene)).sum(), list(environment.networks.parameters())
+    found = [
+        code
+        for each in codes.values()
+        for code in (each.position, each.style, each.pose, each.heading)
+        if code is not None
+    ]
+    inputs = [*environment.networks.parameters(), *found]
+    return (picture * _towards(trial, scene)).sum(), inputs
 
 
 def _towards(trial: Trial, scene: StressScene) -> Tensor:
@@ -173,7 +222,7 @@ def _drawing(quadrature: str) -> list[Case]:
             partial(draw_picture, quadrature),
             _BOUND,
             draws=0,
-            examples=3,
+            examples=2,
             tried=_TRIED.get(name, ()),
         )
         for name, ranges in _RANGES.items()
@@ -187,8 +236,24 @@ def _training(quadrature: str) -> Case:
         partial(train_picture, quadrature),
         "1e-3 of the gradients' sizes against differences of true pictures; in bfloat16 32 eps",
         draws=0,
-        examples=3,
+        examples=2,
         tried=_points(view=(0.0, 1.0, 3.0), scale=(1.0, 1e6, 1e-3)),
+    )
+
+
+def _approximating(quadrature: str) -> Case:
+    return Case(
+        f"pictures of approximate qualities, {quadrature}",
+        {
+            "scale": Spread((1e-3, 1.0, 1e6)),
+            "density": Spread((0.0, 1.0, 1e30)),
+            "view": one_of(VIEWS),
+            "distance": Spread((1.0, 1e5)),
+        },
+        partial(approximate_picture, quadrature),
+        "finite, and shares within 0 and 1",
+        draws=4,
+        examples=4,
     )
 
 
@@ -199,7 +264,7 @@ def _noisy(quadrature: str) -> Case:
         partial(train_noisily, quadrature),
         "finite",
         draws=2,
-        examples=4,
+        examples=2,
         tried=_points(noise=(0.0, 1.0, 1e3), density=(1e10, 1.0, 1e10), view=(0.0, 1.0, 2.0)),
     )
 
@@ -207,5 +272,10 @@ def _noisy(quadrature: str) -> Case:
 PICTURES = tuple(
     case
     for quadrature in ("interval", "release-2022")
-    for case in (*_drawing(quadrature), _training(quadrature), _noisy(quadrature))
+    for case in (
+        *_drawing(quadrature),
+        _approximating(quadrature),
+        _training(quadrature),
+        _noisy(quadrature),
+    )
 )

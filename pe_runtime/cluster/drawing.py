@@ -1,5 +1,8 @@
 """A worker's part: load the model once, draw runs of frames, encode them as files."""
 
+import ctypes
+import os
+import sys
 import tempfile
 import threading
 import time
@@ -16,6 +19,9 @@ from pe_runtime.environment import PlayableEnvironment, RenderOptions
 from pe_runtime.shots.files import frame_path, write_frame
 from pe_runtime.shots.frames import RENDERER_VERSION
 
+TRIM_REQUEST = "MALLOC_TRIM_THRESHOLD_"
+KEPT_MEMORY = {-1: 64 << 20, -3: 32 << 20}
+"""M_TRIM_THRESHOLD and M_MMAP_THRESHOLD in bytes, as high as glibc itself lets them grow."""
 # Of all threads of a worker one draws at a time, with the threads of all: a model remembers its
 # last frame.
 _drawing = threading.Lock()
@@ -92,9 +98,22 @@ def _world(job: Job, place: Workplace) -> PlayableEnvironment | None:
         file = find_copy(job, Path(place.folder))
         if file is None:
             return None
+        _keep_freed_memory()
         _worlds.clear()
         _worlds[key] = PlayableEnvironment.load(file, job.device)
     return _worlds[key]
+
+
+def _keep_freed_memory() -> None:
+    """Undo what Dask asks of its workers' allocator: to give memory back at once.
+
+    A renderer asks for the same again right after, and would spend most of its time on that.
+    """
+    if sys.platform == "linux" and TRIM_REQUEST in os.environ:
+        library = ctypes.CDLL(None)
+        for parameter, value in KEPT_MEMORY.items():
+            # Another C library than glibc need not have it.
+            getattr(library, "mallopt", int.__add__)(parameter, value)
 
 
 def _use_threads(count: int) -> None:

@@ -36,7 +36,7 @@ def test_a_subtracted_cumulative_sum_is_seen_to_fail_at_huge_densities(case, pre
     sound = case.measure(Trial(values, precision))
     broken = case.measure(Trial(values, precision, weigh=subtracting))
     assert sound.forward.passed and sound.backward.passed
-    assert not broken.forward.passed and broken.forward.strain > 10
+    assert not broken.forward.passed
 
 
 def test_at_ordinary_densities_the_subtracted_sum_would_not_be_seen():
