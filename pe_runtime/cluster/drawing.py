@@ -109,11 +109,12 @@ def _keep_freed_memory() -> None:
 
     A renderer asks for the same again right after, and would spend most of its time on that.
     """
-    if sys.platform == "linux" and TRIM_REQUEST in os.environ:
-        library = ctypes.CDLL(None)
-        for parameter, value in KEPT_MEMORY.items():
-            # Another C library than glibc need not have it.
-            getattr(library, "mallopt", int.__add__)(parameter, value)
+    if sys.platform != "linux" or TRIM_REQUEST not in os.environ:
+        return
+    adjust = getattr(ctypes.CDLL(None), "mallopt", None)  # glibc has it, others need not
+    for parameter, value in KEPT_MEMORY.items():
+        if adjust is not None:
+            adjust(parameter, value)
 
 
 def _use_threads(count: int) -> None:
