@@ -18,7 +18,7 @@ from pe_runtime.geometry.cameras import Cameras, ray_directions
 from pe_runtime.geometry.native_world import WORLD_FROM_NATIVE
 from pe_runtime.state import ObjectState
 
-SKY_DEPTH = 1e9
+SKY_DEPTH = 1e30
 OFFSET = 1e-6
 """What "release-2022" adds to each direction component, in its authors' axes."""
 
