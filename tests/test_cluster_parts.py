@@ -1,6 +1,9 @@
 """What a cluster job is made of: places, runs, parcels, a worker's drawing; no process starts."""
 
 import dataclasses
+import json
+import os
+import signal
 import sys
 from pathlib import Path
 
@@ -27,10 +30,11 @@ from pe_runtime.cluster.parcels import (
 )
 from pe_runtime.cluster.runs import LONGEST, split_into_runs
 from pe_runtime.contract.errors import ClusterError
+from pe_runtime.contract.shot import Shot, Start
 from pe_runtime.environment import PlayableEnvironment, find_model
 from pe_runtime.shots import start_state
 from pe_runtime.shots.clips import sample_clip, start_from_clip
-from pe_runtime.state import EnvironmentState, ObjectState
+from pe_runtime.state import EnvironmentState, ObjectState, state_as_dict
 
 
 @pytest.fixture(scope="module")
@@ -124,6 +128,23 @@ def test_without_dask_one_line_says_how_to_install_it(capsys, tmp_path, monkeypa
     code, out, err = run(capsys, "render", tmp_path / "shot.json", "-o", tmp_path, "--cluster")
     assert (code, out, err.count("\n")) == (1, "", 1)
     assert "pip install 'playable-environments[cluster]'" in err
+
+
+def test_ctrl_c_without_a_cluster_exits_as_with_one(capsys, model, tmp_path, monkeypatch):
+    (tmp_path / "state.json").write_text(json.dumps(state_as_dict(orders(1)[0].state)))
+    shot = Shot(1, str(model), Start(state="state.json"), 5.0, 1, 3, (tiny_model.camera(),) * 3)
+    (tmp_path / "shot.json").write_text(shot.to_json())
+    render = PlayableEnvironment.render
+
+    def interrupted(*arguments):
+        os.kill(os.getpid(), signal.SIGINT)
+        return render(*arguments)
+
+    monkeypatch.setattr(PlayableEnvironment, "render", interrupted)
+    code, out, err = run(capsys, "render", tmp_path / "shot.json", "-o", tmp_path / "out")
+    assert (code, out, err.count("\n")) == (130, "", 1)
+    assert "cancelled after 1 of 3 frames" in err
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["0001.png"]
 
 
 @given(st.sets(st.integers(0, 2000), max_size=600), st.integers(1, 40))
