@@ -43,19 +43,21 @@ def sheets(report: Record) -> list[Sheet]:
 
 def as_tables(report: Record) -> Group:
     """For the terminal."""
-    tables = []
-    for sheet in sheets(report):
-        looks = {"box": SIMPLE_HEAD, "title_justify": "left", "caption_justify": "left"}
-        table = Table(title=sheet.title, caption=sheet.caption or None, **looks)
-        for number, heading in enumerate(sheet.headings):
-            # A cut or folded number is no number; better a wide line.
-            width = max(len(heading), *(len(row[number]) for row in sheet.rows))
-            justify = "right" if number else "left"
-            table.add_column(heading, justify=justify, min_width=width, no_wrap=True)
-        for row in sheet.rows:
-            table.add_row(*row)
-        tables.append(table)
-    return Group(*tables)
+    return Group(*map(as_table, sheets(report)))
+
+
+def as_table(sheet: Sheet) -> Table:
+    """One table for the terminal, as wide as its numbers need."""
+    looks = {"box": SIMPLE_HEAD, "title_justify": "left", "caption_justify": "left"}
+    table = Table(title=sheet.title, caption=sheet.caption or None, **looks)
+    for number, heading in enumerate(sheet.headings):
+        # A cut or folded number is no number; better a wide line.
+        width = max(len(heading), *(len(row[number]) for row in sheet.rows))
+        justify = "right" if number else "left"
+        table.add_column(heading, justify=justify, min_width=width, no_wrap=True)
+    for row in sheet.rows:
+        table.add_row(*row)
+    return table
 
 
 def as_markdown(report: Record) -> str:

@@ -70,9 +70,8 @@ def bench(
 
 
 def _stress(out: Path) -> None:
-    from rich.table import Table
-
     from pe_runtime.benchmark.stress import run_stress, stress_table
+    from pe_runtime.benchmark.tables import Sheet, as_table
 
     with progress("cases") as report_progress:
         report = run_stress(report_progress)
@@ -80,9 +79,7 @@ def _stress(out: Path) -> None:
     out.mkdir(parents=True, exist_ok=True)
     (out / "stress.json").write_text(json.dumps(found, indent=1, allow_nan=False))
     headings, *rows = stress_table(report)
-    table = Table(*headings, title="Numerical stability: worst errors against float64")
-    for row in rows:
-        table.add_row(*row)
-    show(found, table)
+    title = "Numerical stability: worst errors against float64"
+    show(found, as_table(Sheet(title, headings, tuple(rows))))
     if not report.passed:
         raise typer.Exit(1)
