@@ -10,7 +10,8 @@ from torch import Tensor
 
 from pe_runtime.geometry.cameras import Cameras, ray_directions
 from pe_runtime.networks import Codes, SynthesisNetworks
-from pe_runtime.rendering.folded_field import FoldedField, fold_field
+from pe_runtime.rendering.folded_field import FoldedField
+from pe_runtime.rendering.folding import FieldFolder
 from pe_runtime.rendering.frame_composition import Level
 from pe_runtime.rendering.frame_drawing import (
     CHUNK,
@@ -57,6 +58,7 @@ class FrameRenderer:
         self.networks = networks
         self.config = networks.config
         self._classes = {each.name: each.class_name for each in self.config.objects}
+        self._folders: dict[tuple[str, torch.dtype], FieldFolder] = {}
         self._folded: dict[str, tuple[tuple, FoldedField]] = {}
         self._rays: tuple[tuple, FrameRays] | None = None
         self._kept: KeptFrame | None = None
@@ -173,20 +175,28 @@ class FrameRenderer:
         placed, folded = {}, {}
         for name in self.networks.drawn(codes):
             own = codes[name]
-            looks = (dtype, _bytes(own.style), _bytes(own.pose))
-            if self._folded.get(name, (None,))[0] != looks:
-                field = self.networks.fields[self._classes[name]]
-                folded[name] = (looks, fold_field(field, own.style[0], own.pose[0], dtype))
-            else:
-                folded[name] = self._folded[name]
+            folded[name] = self._in_state(name, own, dtype)
             heading = 0.0 if own.heading is None else float(own.heading[0])
             shown = bool(own.visible[0])
-            key = (looks, _bytes(own.position), heading, shown)
+            key = (folded[name][0], _bytes(own.position), heading, shown)
             placed[name] = Placed(
                 key, FrameObject(folded[name][1], own.position[0], heading, shown)
             )
         self._folded = folded
         return placed
+
+    def _in_state(self, name: str, codes: Codes, dtype: torch.dtype) -> tuple[tuple, FoldedField]:
+        """An object's field with style and pose folded in, and a key of them."""
+        looks = (dtype, _bytes(codes.style), _bytes(codes.pose))
+        before = self._folded.get(name)
+        if before is not None and before[0] == looks:
+            return before
+        place = self._classes[name], dtype
+        if place not in self._folders:
+            self._folders[place] = FieldFolder(self.networks.fields[place[0]], dtype)
+        same_style = before is not None and before[0][:2] == looks[:2]
+        like = before[1] if same_style else None
+        return looks, self._folders[place].fold(codes.style[0], codes.pose[0], like)
 
 
 def base_depth(camera: Cameras, placed: Mapping[str, Placed], settings: RenderSettings) -> float:

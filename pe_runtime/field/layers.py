@@ -22,8 +22,12 @@ class PositionalEncoding(nn.Module):
 
     def forward(self, points: Float[Tensor, "*batch dim"]) -> Float[Tensor, "*batch features"]:
         """Encode points; always in float32 or better, since high octaves need the digits."""
-        angles = (points[..., None, :] * self.frequencies[:, None]).flatten(-2)
+        angles = self.angles(points)
         return torch.cat([points, torch.sin(angles), torch.cos(angles)], dim=-1)
+
+    def angles(self, points: Float[Tensor, "*batch dim"]) -> Float[Tensor, "*batch waves"]:
+        """2^k f p, octave after octave, radians."""
+        return (points[..., None, :] * self.frequencies[:, None]).flatten(-2)
 
 
 class Modulation(nn.Module):
