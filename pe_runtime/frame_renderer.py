@@ -14,12 +14,11 @@ from pe_runtime.rendering.folded_field import FoldedField
 from pe_runtime.rendering.folding import FieldFolder
 from pe_runtime.rendering.frame_composition import Level
 from pe_runtime.rendering.frame_drawing import (
-    CHUNK,
     DrawnFeatures,
     KeptFrame,
     Placed,
     draw_features,
-    look,
+    measure,
 )
 from pe_runtime.rendering.frame_passages import FrameObject, FrameRays
 from pe_runtime.rendering.partial_decoding import Decoded, decode, decode_again
@@ -144,17 +143,13 @@ class FrameRenderer:
         pixels = grid_pixels(0, 0, camera.height, camera.width, 1).to(camera.intrinsics.device)
         rays, shape = self._rays_through(camera, pixels), (camera.height, camera.width)
         rays = replace(rays, base=base_depth(camera, placed, settings))
-        parts = [
-            look(rays, start, min(start + CHUNK, len(rays)), [], placed, settings)[0]
-            for start in range(0, len(rays), CHUNK)
-        ]
-        shares = torch.cat([each.shares for each in parts])
+        seen = measure(rays, placed, settings)
         kinds = [self.config.class_of(name).kind for name in placed]
         solid = [i for i, kind in enumerate(kinds) if kind != "sky"]
-        covered = shares[:, solid].sum(dim=1)
-        depth = torch.cat([each.depth for each in parts]) / covered.clamp(min=1e-6) + rays.base
+        covered = seen.shares[:, solid].sum(dim=1)
+        depth = seen.depth / covered.clamp(min=1e-6) + rays.base
         depth = torch.where(covered >= 0.5, depth, torch.inf).reshape(shape)
-        return Geometry(depth, {n: shares[:, i].reshape(shape) for i, n in enumerate(placed)})
+        return Geometry(depth, {n: seen.shares[:, i].reshape(shape) for i, n in enumerate(placed)})
 
     def _frame_rays(self, camera: Cameras, pixels: Tensor) -> FrameRays:
         """The rays of the last frame where its camera is this one's."""

@@ -18,16 +18,13 @@ class PositionalEncoding(nn.Module):
         super().__init__()
         frequencies = base_frequency * 2.0 ** torch.arange(octaves)
         self.register_buffer("frequencies", frequencies, persistent=False)
+        self.dimensions = dimensions
         self.features = dimensions * (1 + 2 * octaves)
 
     def forward(self, points: Float[Tensor, "*batch dim"]) -> Float[Tensor, "*batch features"]:
         """Encode points; always in float32 or better, since high octaves need the digits."""
-        angles = self.angles(points)
+        angles = (points[..., None, :] * self.frequencies[:, None]).flatten(-2)
         return torch.cat([points, torch.sin(angles), torch.cos(angles)], dim=-1)
-
-    def angles(self, points: Float[Tensor, "*batch dim"]) -> Float[Tensor, "*batch waves"]:
-        """2^k f p, octave after octave, radians."""
-        return (points[..., None, :] * self.frequencies[:, None]).flatten(-2)
 
 
 class Modulation(nn.Module):

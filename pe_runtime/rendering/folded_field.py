@@ -12,7 +12,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from pe_runtime.config import ObjectClassConfig
-from pe_runtime.field.layers import PositionalEncoding
 from pe_runtime.rendering.affine import Affine
 
 
@@ -39,9 +38,17 @@ FAST = Blocks(4096, 256)
 
 @dataclass(frozen=True)
 class Trunk:
-    """Layers with ReLUs between; one may see the encoded position again."""
+    """Layers with ReLUs between; one may see the encoded position again.
 
-    encoding: PositionalEncoding
+    Attributes:
+        frequencies: From positions to the angles of their encoding. A product with a matrix that is
+            nearly empty, but the same numbers as, and a sixth of the time of, one by one.
+        layers: In order.
+        skip: Which layer sees the encoding again; 0 for none.
+        again: What that layer does to the encoding.
+    """
+
+    frequencies: Float[Tensor, "dims waves"]
     layers: tuple[Affine, ...]
     skip: int
     again: Affine | None
@@ -64,12 +71,13 @@ class Trunk:
         """
         weight, dims = self.layers[0].weight, coordinates.shape[1]
         whole = weight.new_empty(coordinates.shape[0], weight.shape[1])
-        angles = self.encoding.angles(coordinates)
-        cosines = dims + angles.shape[1]
+        angles = coordinates @ self.frequencies
+        cosines, rest = dims + angles.shape[1], dims + 2 * angles.shape[1]
         whole[:, :dims] = coordinates
         whole[:, dims:cosines] = torch.sin(angles)
-        whole[:, cosines : self.encoding.features] = angles.cos_()
-        whole[:, self.encoding.features :] = 0.0
+        whole[:, cosines:rest] = angles.cos_()
+        if rest < whole.shape[1]:
+            whole[:, rest:] = 0.0
         return whole
 
 

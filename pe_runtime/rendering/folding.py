@@ -13,6 +13,7 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn.functional import linear
 
+from pe_runtime.field.layers import PositionalEncoding
 from pe_runtime.field.object_field import ObjectField
 from pe_runtime.rendering.affine import Affine, affine, widened
 from pe_runtime.rendering.folded_field import FoldedField, LastLayer, Trunk
@@ -101,8 +102,15 @@ def _trunk(network: torch.nn.Module, skip: int, again: Tensor | None, dtype: tor
     layers = [affine(widened(first.weight), first.bias, dtype)]
     layers += [affine(each.weight, each.bias, dtype) for each in others]
     return Trunk(
-        network.encoding,
+        _angles(network.encoding),
         tuple(layers),
         skip,
         None if again is None else affine(widened(again), None, dtype),
     )
+
+
+def _angles(encoding: PositionalEncoding) -> Float[Tensor, "dims waves"]:
+    """The matrix from positions to the angles of their encoding, 2^k f in its places."""
+    octaves = len(encoding.frequencies)
+    one = torch.eye(encoding.dimensions, device=encoding.frequencies.device)
+    return one.repeat(1, octaves) * encoding.frequencies.repeat_interleave(encoding.dimensions)

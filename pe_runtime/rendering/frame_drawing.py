@@ -6,7 +6,7 @@ over. The numbers are those of a fresh frame to the last bit, because no ray's a
 the other rays.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import torch
@@ -14,7 +14,13 @@ from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
 from pe_runtime.geometry.cameras import Cameras
-from pe_runtime.rendering.frame_composition import Level, Seen, compose_rays
+from pe_runtime.rendering.frame_composition import (
+    Features,
+    Level,
+    Measures,
+    compose_features,
+    compose_measures,
+)
 from pe_runtime.rendering.frame_passages import FrameObject, FramePassage, FrameRays
 from pe_runtime.rendering.frame_sampling import frame_passage
 from pe_runtime.rendering.scene import RenderSettings
@@ -91,7 +97,7 @@ def draw_features(
     kept = kept if kept is not None and kept.view == view else None
     passages, fresh = _passages(rays, placed, settings, kept)
     which = _changed_rays(rays, passages, fresh, kept)
-    seen = compose_rays(list(passages.values()), which, levels, settings)
+    seen = compose_features(list(passages.values()), which, levels, settings)
     maps, changed = _merged(which, levels, seen, kept, len(rays))
     statistics = _statistics(len(rays), passages, fresh, which, seen)
     keys = {name: each.key for name, each in placed.items()}
@@ -159,17 +165,17 @@ def _changed_rays(
 def _merged(
     which: Tensor,
     levels: Sequence[Level],
-    seen: Seen,
+    seen: Features,
     kept: KeptFrame | None,
     count: int,
 ) -> tuple[list[Tensor], list[Tensor] | None]:
     """Whole maps, and where they differ from the kept ones."""
     if kept is None:
-        return seen.features, None
+        return seen.levels, None
     mask = torch.zeros(count, dtype=torch.bool, device=which.device)
     mask[which] = True
     maps, changed = [], []
-    for level, before, drawn in zip(levels, kept.maps, seen.features, strict=True):
+    for level, before, drawn in zip(levels, kept.maps, seen.levels, strict=True):
         own = mask[level.rays]
         whole = before.clone()
         whole[own] = drawn
@@ -183,14 +189,14 @@ def _statistics(
     passages: Mapping[str, FramePassage],
     fresh: set[str],
     which: Tensor,
-    seen: Seen,
+    seen: Features,
 ) -> dict[str, int]:
     return {
         "rays": count,
         "composed_rays": which.shape[0],
         "hits": sum(passages[name].rays.shape[0] for name in fresh),
         "field_samples": sum(passages[name].evaluated for name in fresh),
-        "feature_samples": seen.feature_samples,
+        "feature_samples": seen.evaluated,
         "kept_objects": len(passages) - len(fresh),
     }
 
@@ -202,53 +208,55 @@ def _in_chunks(
     settings: RenderSettings,
 ) -> DrawnFeatures:
     """A large frame, chunk by chunk, with nothing kept."""
-    parts = [
-        look(rays, start, min(start + CHUNK, len(rays)), levels, placed, settings)
-        for start in range(0, len(rays), CHUNK)
-    ]
-    maps = [torch.cat([seen.features[i] for seen, _ in parts]) for i in range(len(levels))]
+    parts, counts = [], []
+    for own, start, stop in _chunks(rays):
+        within = [Level(_within(each.rays, start, stop), each.channels) for each in levels]
+        passages, which = _sampled(own, placed, settings)
+        seen = compose_features(list(passages.values()), which, within, settings)
+        parts.append(seen.levels)
+        counts.append(_statistics(len(own), passages, set(passages), which, seen))
+    maps = [torch.cat(each) for each in zip(*parts, strict=True)]
     totals: dict[str, int] = {}
-    for _, statistics in parts:
+    for statistics in counts:
         for key, value in statistics.items():
             totals[key] = totals.get(key, 0) + value
     return DrawnFeatures(maps, None, totals, None)
 
 
-def look(
-    rays: FrameRays,
-    start: int,
-    stop: int,
-    levels: Sequence[Level],
-    placed: Mapping[str, Placed],
-    settings: RenderSettings,
-) -> tuple[Seen, dict[str, int]]:
-    """What a run of rays sees, with nothing kept, and the counters.
+def measure(rays: FrameRays, placed: Mapping[str, Placed], settings: RenderSettings) -> Measures:
+    """Depth and shares of all rays, chunk by chunk, with nothing kept.
 
     Args:
-        rays: All rays.
-        start: First ray.
-        stop: One past the last.
-        levels: Feature maps in terms of all rays; empty for depth and shares only.
+        rays: The rays.
         placed: The visible objects by name, in the order of the model.
         settings: Sampling and skipping.
     """
-    own = replace(
-        rays,
-        pixels=rays.pixels[start:stop],
-        directions=rays.directions[start:stop],
-        lengths=rays.lengths[start:stop],
-    )
-    within = [
-        Level(
-            slice(
-                min(max(level.rays.start - start, 0), stop - start),
-                min(max(level.rays.stop - start, 0), stop - start),
-            ),
-            level.channels,
-        )
-        for level in levels
-    ]
-    passages, _ = _passages(own, placed, replace(settings, remember=False), None)
-    which = torch.arange(len(own), device=rays.directions.device)
-    seen = compose_rays(list(passages.values()), which, within, settings)
-    return seen, _statistics(len(own), passages, set(passages), which, seen)
+    parts = []
+    for own, _, _ in _chunks(rays):
+        passages, which = _sampled(own, placed, settings)
+        parts.append(compose_measures(list(passages.values()), which, settings))
+    shares, depth = (torch.cat([getattr(p, n) for p in parts]) for n in ("shares", "depth"))
+    return Measures(shares, depth)
+
+
+def _chunks(rays: FrameRays) -> Iterator[tuple[FrameRays, int, int]]:
+    """Runs of rays, with the number of the first and one past the last."""
+    for start in range(0, len(rays), CHUNK):
+        stop = min(start + CHUNK, len(rays))
+        run = slice(start, stop)
+        parts = (rays.pixels[run], rays.directions[run], rays.lengths[run])
+        yield FrameRays(rays.camera, *parts, rays.base), start, stop
+
+
+def _within(bounds: slice, start: int, stop: int) -> slice:
+    """Which of a run's rays lie within bounds."""
+    first, last = (min(max(each - start, 0), stop - start) for each in (bounds.start, bounds.stop))
+    return slice(first, last)
+
+
+def _sampled(
+    rays: FrameRays, placed: Mapping[str, Placed], settings: RenderSettings
+) -> tuple[dict[str, FramePassage], Tensor]:
+    """Samples of all objects on a run of rays, and the rays' numbers."""
+    passages, _ = _passages(rays, placed, replace(settings, remember=False), None)
+    return passages, torch.arange(len(rays), device=rays.directions.device)

@@ -1,5 +1,6 @@
 """Rays and objects of one frame, and one object's samples on the rays that meet it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import torch
@@ -63,9 +64,9 @@ class FramePassage:
         thickness: Optical thickness; under "release-2022" per metre of planar depth.
         slot: Row of each sample in `coordinates` and `hidden`; -1 where nothing was evaluated.
         coordinates: Where the field was, or would be, asked; float32.
-        hidden: Hidden features there; None where the density did not need them.
+        hidden: Hidden features there; None for opaque surfaces, whose density needs none.
         elsewhere: Planar depth of the object's samples on all other rays (empty space).
-        known: Branch features that were asked for before, and which rows those are.
+        known: Features that were asked for before, by what they are, and where they are known.
     """
 
     object: FrameObject
@@ -77,37 +78,75 @@ class FramePassage:
     coordinates: Float[Tensor, "rows dims"]
     hidden: Float[Tensor, "rows width"] | None
     elsewhere: float
-    known: dict[str, Tensor] = field(default_factory=dict)
+    known: dict[str, tuple[Tensor, Tensor]] = field(default_factory=dict)
+
+    @property
+    def is_surface(self) -> bool:
+        """Whether it is opaque: one sample a ray, whose density nobody needs to ask for."""
+        return self.hidden is None
 
     @property
     def evaluated(self) -> int:
         """Samples at which the density was evaluated."""
         return 0 if self.hidden is None else self.coordinates.shape[0]
 
-    def branch(self, slots: Int[Tensor, " samples"]) -> Float[Tensor, "samples head"]:
-        """Branch features of samples, by their slots."""
-        hidden = (
-            self.object.field.hidden(self.coordinates[slots])
-            if self.hidden is None
-            else (self.hidden[slots])
-        )
-        return self.object.field.branch(hidden)
-
-    def remembered(
-        self, slots: Int[Tensor, " samples"]
+    def branch(
+        self, slots: Int[Tensor, " samples"], remember: bool
     ) -> tuple[Float[Tensor, "samples head"], int]:
-        """Branch features of samples; those asked for before are not evaluated again.
+        """Branch features of samples.
+
+        Args:
+            slots: The samples.
+            remember: Keep what is evaluated, and do not evaluate again what was kept.
 
         Returns:
-            The features, and how many samples were evaluated.
+            The features, the caller's own, and how many samples were evaluated.
         """
-        if not self.known:
-            count, width = self.coordinates.shape[0], self.object.field.head_width
-            self.known["features"] = self.coordinates.new_zeros(count, width)
-            self.known["there"] = torch.zeros(count, dtype=torch.bool, device=slots.device)
-        there = self.known["there"]
+        if not remember:
+            return self._branch(slots), slots.shape[0]
+        return self._recalled("branch", slots, self._branch)
+
+    def shown(
+        self, rows: Int[Tensor, " rows"], channels: slice, remember: bool
+    ) -> tuple[Float[Tensor, "rows channels"], int]:
+        """What an opaque surface shows on its rays.
+
+        Args:
+            rows: Which of its rays.
+            channels: Of the feature map to which those rays belong.
+            remember: As for `branch`.
+
+        Returns:
+            As `branch`.
+        """
+
+        def evaluate(rows: Tensor) -> Tensor:
+            branch = self._branch(rows)
+            return self.object.field.last_layer(branch, branch.new_ones(len(branch)), channels)
+
+        if not remember:
+            return evaluate(rows), rows.shape[0]
+        return self._recalled(f"{channels.start}:{channels.stop}", rows, evaluate)
+
+    def _branch(self, slots: Tensor) -> Tensor:
+        field = self.object.field
+        if self.hidden is None:
+            return field.branch(field.hidden(self.coordinates[slots]))
+        return field.branch(self.hidden[slots])
+
+    def _recalled(
+        self, what: str, slots: Tensor, evaluate: Callable[[Tensor], Tensor]
+    ) -> tuple[Tensor, int]:
+        """Features by slot, evaluated where they are not known yet, and how many were."""
+        if what not in self.known:
+            found = evaluate(slots)
+            features = found.new_empty(self.coordinates.shape[0], found.shape[1])
+            there = torch.zeros(len(features), dtype=torch.bool, device=slots.device)
+            features[slots], there[slots] = found, True
+            self.known[what] = features, there
+            return found, slots.shape[0]
+        features, there = self.known[what]
         missing = slots[~there[slots]]
         if missing.numel():
-            self.known["features"][missing] = self.branch(missing)
-            there[missing] = True
-        return self.known["features"][slots], missing.shape[0]
+            features[missing], there[missing] = evaluate(missing), True
+        return features[slots], missing.shape[0]

@@ -56,7 +56,8 @@ def frame_passage(
     near, far, hit = meet(origins, directions, (low, high), config, settings)
     kept = torch.nonzero(hit)[:, 0]
     index, near, far = index[kept], near[kept], far[kept]
-    line = (origins[kept][:, None], directions[kept][:, None])
+    # Component by component: rows of three would be the slowest way through memory.
+    line = tuple(each[kept].T.contiguous()[..., None] for each in (origins, directions))
     if config.opaque:
         return _opaque(rays, each, index, (near, line))
     count = max(1, round(config.samples * settings.sample_share))
@@ -67,21 +68,32 @@ def frame_passage(
     else:
         depth = place_samples(near, far, count)
         length = rays.lengths[index]
-    points = line[0] + depth[..., None] * line[1]
-    if settings.release is not None:
-        inside = within(points, low, high)
-    middle, extent = (low + high) / 2, (high - low) / 2
-    coordinates = ((points - middle) / extent).float().clamp_(-1.0, 1.0)
+        inside = within(_points(line, depth).movedim(0, -1), low, high)
+    coordinates = _coordinates(line, depth, low, high)
     wanted = _wanted(rays, each, settings, (index, depth, coordinates), before)
     wanted = wanted if inside is None else inside if wanted is None else wanted & inside
     if wanted is not None and settings.release is None:
         # Under "release-2022" even empty samples end what stands before them.
         some = torch.nonzero(wanted.any(dim=1))[:, 0]
         index, wanted = index[some], wanted[some]
-        depth, length, coordinates = depth[some], length[some], coordinates[some]
+        depth, length, coordinates = depth[some], length[some], coordinates[:, some]
     return _evaluated(
         rays, each, index, ((depth - rays.base).float(), length, coordinates), wanted, settings
     )
+
+
+def _points(line: tuple[Tensor, Tensor], depth: Tensor) -> Float[Tensor, "3 hits samples"]:
+    """Points at depths of rays, object frame, metres."""
+    origins, directions = line
+    return origins + depth * directions
+
+
+def _coordinates(
+    line: tuple[Tensor, Tensor], depth: Tensor, low: Tensor, high: Tensor
+) -> Float[Tensor, "3 hits samples"]:
+    """The same in half box sizes around the volume's middle; float32."""
+    middle, extent = ((low + high) / 2)[:, None, None], ((high - low) / 2)[:, None, None]
+    return ((_points(line, depth) - middle) / extent).float().clamp_(-1.0, 1.0)
 
 
 def _evaluated(
@@ -95,12 +107,12 @@ def _evaluated(
     """Densities of the wanted samples; all others are empty."""
     depth, length, coordinates = samples
     if wanted is None:
-        rows = coordinates.flatten(0, 1)
+        rows = coordinates.flatten(1).T.contiguous()
         slot = torch.arange(rows.shape[0], device=index.device).reshape(depth.shape)
         hidden, density = each.field.geometry(rows)
         thickness = density.reshape(depth.shape) * length[:, None]
     else:
-        rows = coordinates[wanted]
+        rows = coordinates[:, wanted].T.contiguous()
         slot = torch.full(depth.shape, -1, device=index.device)
         slot[wanted] = torch.arange(rows.shape[0], device=index.device)
         hidden, density = each.field.geometry(rows)
@@ -167,12 +179,12 @@ def _opaque(
     rays: FrameRays, each: FrameObject, index: Tensor, entry: tuple[Tensor, tuple]
 ) -> FramePassage:
     """Nothing behind an opaque surface can be seen: the one sample is where the ray enters."""
-    near, (origins, directions) = entry
-    config = each.field.config
+    near, line = entry
     depth = near[:, None]
-    points = (origins + depth[..., None] * directions)[:, 0]
-    low, high = points.new_tensor(config.low), points.new_tensor(config.high)
-    coordinates = ((points - (low + high) / 2) / ((high - low) / 2)).float().clamp_(-1.0, 1.0)
+    low, high = (
+        near.new_tensor(bound) for bound in (each.field.config.low, each.field.config.high)
+    )
+    coordinates = _coordinates(line, depth, low, high)[..., 0].T.contiguous()
     return _surface(
         rays, each, index, ((depth - rays.base).float(), OPAQUE), coordinates, 2 * SKY_DEPTH
     )

@@ -4,6 +4,8 @@ The grid lies in the object's own box and is evaluated anew for every pose, thro
 so it is never out of date. A sample is worth evaluating if a grid point near it is dense enough.
 """
 
+import functools
+
 import torch
 from jaxtyping import Bool, Float
 from torch import Tensor
@@ -20,7 +22,7 @@ EMPTY = 1e-2
 
 def occupied(
     field: FoldedField,
-    coordinates: Float[Tensor, "hits samples 3"],
+    coordinates: Float[Tensor, "3 hits samples"],
     settings: RenderSettings,
 ) -> Bool[Tensor, "hits samples"] | None:
     """Whether there may be something at samples; None where a look would cost more than it saves.
@@ -32,21 +34,21 @@ def occupied(
     """
     del settings
     count = CELLS[0] * CELLS[1] * CELLS[2]
-    if coordinates[..., 0].numel() < 2 * count:
+    if coordinates[0].numel() < 2 * count:
         return None
     # One more cell at the upper end of each axis, for samples right on the face.
     grid = torch.nn.functional.pad(dense_cells(field, coordinates.device), (0, 1) * 3)
     grid[-1], grid[:, -1], grid[..., -1] = grid[-2], grid[:, -2], grid[..., -2]
-    half = torch.tensor(CELLS, device=coordinates.device) / 2
-    at = ((coordinates + 1) * half).to(torch.int32)
-    strides = torch.tensor([grid.stride(0), grid.stride(1), 1], device=at.device, dtype=at.dtype)
-    return grid.flatten().take((at * strides).sum(dim=-1))
+    cell = torch.zeros_like(coordinates[0])
+    for along, cells, stride in zip(coordinates, CELLS, grid.stride(), strict=True):
+        # Small whole numbers: exact in float32, and faster than integers.
+        cell.add_(torch.add(along, 1).mul_(cells / 2).floor_(), alpha=stride)
+    return grid.flatten().take(cell.long())
 
 
 def dense_cells(field: FoldedField, device: torch.device) -> Bool[Tensor, "x y z"]:
     """Cells that are dense in their middle, or share a face with one that is."""
-    axes = [(torch.arange(n, device=device) + 0.5) / n * 2 - 1 for n in CELLS]
-    points = torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1).reshape(-1, 3)
+    points = _middles(device)
     _, density = field.geometry(points)
     config = field.config
     size = min((b - a) / n for a, b, n in zip(config.low, config.high, CELLS, strict=True))
@@ -59,3 +61,10 @@ def dense_cells(field: FoldedField, device: torch.device) -> Bool[Tensor, "x y z
     near[..., 1:] |= dense[..., :-1]
     near[..., :-1] |= dense[..., 1:]
     return near
+
+
+@functools.lru_cache(maxsize=4)
+def _middles(device: torch.device) -> Float[Tensor, "cells 3"]:
+    """The middles of all cells, in half box sizes."""
+    axes = [(torch.arange(n, device=device) + 0.5) / n * 2 - 1 for n in CELLS]
+    return torch.stack(torch.meshgrid(*axes, indexing="ij"), dim=-1).reshape(-1, 3)

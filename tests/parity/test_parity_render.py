@@ -15,7 +15,7 @@ from pe_runtime.interop.conventions import (
     positions_from_theirs,
 )
 from pe_runtime.interop.official_checkpoint import import_official
-from pe_runtime.rendering.frame_composition import compose_rays
+from pe_runtime.rendering.frame_composition import compose_measures
 from pe_runtime.rendering.scene import RenderSettings
 from pe_runtime.state import EnvironmentState, ObjectState
 
@@ -82,7 +82,7 @@ def test_feature_maps_opacity_and_depth_are_the_recorded_ones(case, environment,
     levels, start = [], 0
     for each in drawn.maps:
         which = torch.arange(start, start + len(each))
-        levels.append(compose_rays(passages, which, [], networks.complete(settings)))
+        levels.append(compose_measures(passages, which, networks.complete(settings)))
         start += len(each)
     for index, (stride, found) in enumerate(zip((4, 8), levels, strict=True)):
         cells, what = (size[0] // stride, size[1] // stride), f"{case['which']} at stride {stride}"
