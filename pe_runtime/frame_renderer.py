@@ -68,7 +68,7 @@ class FrameRenderer:
         """Free what is kept of the last frame."""
         self._folded, self._rays, self._kept, self._picture = {}, None, None, None
 
-    @torch.no_grad()
+    @torch.inference_mode()
     def draw(
         self, camera: Cameras, codes: Mapping[str, Codes], settings: RenderSettings
     ) -> tuple[Float[Tensor, "3 height width"], dict[str, int]]:
@@ -114,7 +114,7 @@ class FrameRenderer:
         rows, columns = (max(2, -(-n // coarsest)) for n in (camera.height, camera.width))
         return rows * coarsest, columns * coarsest
 
-    @torch.no_grad()
+    @torch.inference_mode()
     def features(
         self, camera: Cameras, codes: Mapping[str, Codes], settings: RenderSettings
     ) -> DrawnFeatures:
@@ -133,7 +133,7 @@ class FrameRenderer:
         self._kept = drawn.kept
         return drawn
 
-    @torch.no_grad()
+    @torch.inference_mode()
     def geometry(
         self, camera: Cameras, codes: Mapping[str, Codes], settings: RenderSettings
     ) -> Geometry:
