@@ -4,12 +4,6 @@ Public names load on first use, so `import pe_runtime` and `import pe_runtime.co
 and work in a Python without torch (Blender's).
 """
 
-import os
-
-# Threads that spin while they wait take turns with whatever else runs: beside one busy program a
-# frame took 6.0 s instead of 0.26 s on two cores. OpenMP reads this once, when torch is loaded.
-os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-
 __version__ = "0.1.0"
 __all__ = ["EnvironmentState", "Frame", "ObjectState", "PlayableEnvironment", "RenderOptions"]
 

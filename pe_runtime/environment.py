@@ -21,6 +21,7 @@ from pe_runtime.checkpoint import fit, load_checkpoint
 from pe_runtime.config import QUALITIES, ModelConfig, Quality, from_dict
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import CheckpointError, ConfigError
+from pe_runtime.fair_threads import FairThreads
 from pe_runtime.frame_renderer import FrameRenderer
 from pe_runtime.geometry.cameras import Cameras
 from pe_runtime.kept_frames import Frame, KeptFrames
@@ -75,6 +76,7 @@ class PlayableEnvironment:
         self.networks = networks.eval()
         self.renderer = FrameRenderer(self.networks)
         self.kept_frames = KeptFrames()
+        self.threads = FairThreads()
         self.actions = {name: module.eval() for name, module in actions.items()}
         self.header = header
         self.device = next(networks.parameters()).device
@@ -253,7 +255,8 @@ class PlayableEnvironment:
         kept = self.kept_frames.get(key)
         if kept is not None:
             return kept
-        frame = self._drawn(state, camera, options, quality)
+        with self.threads.sharing():
+            frame = self._drawn(state, camera, options, quality)
         self.kept_frames.keep(key, frame)
         return frame
 

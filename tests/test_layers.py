@@ -23,7 +23,7 @@ LAYERS = (
     ("networks",),
     ("frame_renderer",),
     ("checkpoint", "dataset", "images"),
-    ("kept_frames",),
+    ("kept_frames", "fair_threads"),
     ("admission", "environment"),
     ("shots", "mesh"),
     ("training", "evaluation", "interop", "footage", "recording", "cluster"),

@@ -14,6 +14,8 @@ from torch import Tensor
 
 from pe_runtime.rendering.regions import Region
 
+_Shares = tuple[float, float] | tuple[Tensor, Tensor]
+
 
 @dataclass(frozen=True)
 class Source:
@@ -133,13 +135,13 @@ def _clamped(value: Tensor, region: Region, source: Source, dtype: torch.dtype) 
     return cells
 
 
-def _blend(cells: Tensor, start: int, shares: tuple[Tensor, Tensor], target: Tensor) -> None:
+def _blend(cells: Tensor, start: int, shares: _Shares, target: Tensor) -> None:
     """Rows of twice as many: row 2i between i - 1 and i, row 2i + 1 between i and i + 1.
 
     Args:
         cells: Rows from `start // 2 - 1` on.
         start: First of the doubled rows to write.
-        shares: The later row's share in even and in odd rows, by i.
+        shares: The later row's share in even and in odd rows: one for all, or one by i.
         target: Doubled rows.
     """
     stop = start + target.shape[0]
@@ -147,7 +149,7 @@ def _blend(cells: Tensor, start: int, shares: tuple[Tensor, Tensor], target: Ten
         first = (start - odd + 1) // 2
         rows = (stop - odd + 1) // 2 - first
         at = first - (start // 2 - 1) - 1 + odd
-        weight = share[first : first + rows, None, None]
+        weight = share if isinstance(share, float) else share[first : first + rows, None, None]
         begin = 2 * first + odd - start
         torch.lerp(
             cells[at : at + rows], cells[at + 1 : at + 1 + rows], weight, out=target[begin::2]
@@ -155,12 +157,10 @@ def _blend(cells: Tensor, start: int, shares: tuple[Tensor, Tensor], target: Ten
 
 
 @lru_cache(maxsize=64)
-def _shares(
-    rows: int, corners: bool, dtype: torch.dtype, device: torch.device
-) -> tuple[Tensor, Tensor]:
+def _shares(rows: int, corners: bool, dtype: torch.dtype, device: torch.device) -> _Shares:
+    if not corners:
+        # A number, not a tensor of equal numbers: five times as fast in bfloat16.
+        return 0.75, 0.25
     index = torch.arange(rows, dtype=torch.float64, device=device)
-    if corners:
-        even, odd = 1 - index / (2 * rows - 1), (rows - 1 - index) / (2 * rows - 1)
-    else:
-        even, odd = torch.full_like(index, 0.75), torch.full_like(index, 0.25)
+    even, odd = 1 - index / (2 * rows - 1), (rows - 1 - index) / (2 * rows - 1)
     return even.to(dtype), odd.to(dtype)
