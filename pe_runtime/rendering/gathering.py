@@ -69,17 +69,19 @@ def gathered(
     top, left = whole.top - region.top + radius, whole.left - region.left + radius
     start = 0
     for source in sources:
-        target = gathered[top : top + whole.height, left : left + whole.width]
-        target = target[..., start : start + source.channels]
-        value = values[source.index][0, : source.channels].permute(1, 2, 0)
+        stop = start + source.channels
+        target = gathered[top : top + whole.height, left : left + whole.width, start:stop]
+        value = values[source.index].permute(0, 2, 3, 1)[0, :, :, : source.channels]
         if source.doubling:
             _double(value, source, whole, target)
         else:
             _copy(value[whole.top : whole.bottom, whole.left : whole.right], source, target)
-        start += source.channels
-    _reflect(gathered[:, :columns], top, rows - top - whole.height)
-    _reflect(gathered[:, :columns].transpose(0, 1), left, columns - left - whole.width)
-    gathered[:, columns:] = 0
+        start = stop
+    inside = gathered[:, :columns] if spare else gathered
+    _reflect(inside, top, rows - top - whole.height)
+    _reflect(inside.transpose(0, 1), left, columns - left - whole.width)
+    if spare:
+        gathered[:, columns:] = 0
     return gathered.permute(2, 0, 1)[None]
 
 
@@ -92,10 +94,11 @@ def _copy(cells: Tensor, source: Source, target: Tensor) -> None:
 
 def _reflect(rows: Tensor, before: int, after: int) -> None:
     """Fill the first and the last rows with their mirror images about the rows next to them."""
-    if before:
-        rows[:before] = rows[before + 1 : 2 * before + 1].flip(0)
-    if after:
-        rows[-after:] = rows[-2 * after - 1 : -after - 1].flip(0)
+    for distance in range(1, before + 1):
+        rows[before - distance] = rows[before + distance]
+    last = rows.shape[0] - after - 1
+    for distance in range(1, after + 1):
+        rows[last + distance] = rows[last - distance]
 
 
 def _double(value: Tensor, source: Source, region: Region, target: Tensor) -> None:
