@@ -17,6 +17,7 @@ from pe_runtime.rendering.frame_drawing import (
     DrawnFeatures,
     KeptFrame,
     Placed,
+    camera_key,
     draw_features,
     measure,
 )
@@ -59,7 +60,7 @@ class FrameRenderer:
         self._classes = {each.name: each.class_name for each in self.config.objects}
         self._folders: dict[tuple[str, torch.dtype], FieldFolder] = {}
         self._folded: dict[str, tuple[tuple, FoldedField]] = {}
-        self._rays: tuple[tuple, FrameRays] | None = None
+        self._rays: tuple[tuple, FrameRays, list[Level]] | None = None
         self._kept: KeptFrame | None = None
         self._decoder: tuple[torch.dtype, PreparedRenderer] | None = None
         self._picture: Decoded | None = None
@@ -120,14 +121,8 @@ class FrameRenderer:
     ) -> DrawnFeatures:
         """Feature maps of one frame, finest first; the last frame's are taken over where equal."""
         settings = self.networks.complete(settings)
-        size, start, pixels, levels = self.map_size(camera), 0, [], []
-        channels = self.networks.channels()
-        for stride, own in zip(self.config.feature_renderer.strides, channels, strict=True):
-            pixels.append(grid_pixels(0, 0, *size, stride))
-            levels.append(Level(slice(start, start + pixels[-1].shape[0]), own))
-            start += pixels[-1].shape[0]
         placed = self._placed(codes, settings)
-        rays = self._frame_rays(camera, torch.cat(pixels))
+        rays, levels = self._frame_rays(camera)
         rays = replace(rays, base=base_depth(camera, placed, settings))
         drawn = draw_features(rays, levels, placed, settings, self._kept)
         self._kept = drawn.kept
@@ -151,14 +146,19 @@ class FrameRenderer:
         depth = torch.where(covered >= 0.5, depth, torch.inf).reshape(shape)
         return Geometry(depth, {n: seen.shares[:, i].reshape(shape) for i, n in enumerate(placed)})
 
-    def _frame_rays(self, camera: Cameras, pixels: Tensor) -> FrameRays:
-        """The rays of the last frame where its camera is this one's."""
-        numbers = (camera.intrinsics, camera.world_from_camera)
-        key = (camera.width, camera.height, *(n.cpu().numpy().tobytes() for n in numbers))
+    def _frame_rays(self, camera: Cameras) -> tuple[FrameRays, list[Level]]:
+        """The rays of all levels; those of the last frame where its camera is this one's."""
+        key = camera_key(camera)
         if self._rays is None or self._rays[0] != key:
-            rays = self._rays_through(camera, pixels.to(camera.intrinsics.device))
-            self._rays = (key, rays)
-        return self._rays[1]
+            size, start, pixels, levels = self.map_size(camera), 0, [], []
+            channels = self.networks.channels()
+            for stride, own in zip(self.config.feature_renderer.strides, channels, strict=True):
+                pixels.append(grid_pixels(0, 0, *size, stride))
+                levels.append(Level(slice(start, start + pixels[-1].shape[0]), own))
+                start += pixels[-1].shape[0]
+            rays = self._rays_through(camera, torch.cat(pixels).to(camera.intrinsics.device))
+            self._rays = (key, rays, levels)
+        return self._rays[1:]
 
     def _rays_through(self, camera: Cameras, pixels: Tensor) -> FrameRays:
         frame = torch.zeros(pixels.shape[0], dtype=torch.long, device=pixels.device)
