@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
@@ -31,6 +32,7 @@ def synthesis(
     steps: Steps = None,
 ) -> None:
     """Train encoder, fields and feature renderer; writes OUTPUT/synthesis.safetensors."""
+    _let_threads_sleep()
     from pe_runtime.config import ModelConfig, SynthesisConfig, read_toml
     from pe_runtime.dataset import load_clips
     from pe_runtime.training.synthesis_phase import train_synthesis
@@ -55,6 +57,7 @@ def actions(
     steps: Steps = None,
 ) -> None:
     """Learn the actions of a trained model's players; writes OUTPUT/model.safetensors."""
+    _let_threads_sleep()
     from pe_runtime.config import read_toml
     from pe_runtime.dataset import load_clips
     from pe_runtime.training.action_config import ActionTrainingConfig
@@ -82,6 +85,16 @@ def evaluate(
     with progress("sequences") as report:
         figures = measure(environment, data, limit, every, report)
     show(json.loads(as_json(figures)), as_table(figures))
+
+
+def _let_threads_sleep() -> None:
+    """Let threads sleep while they wait for each other, for hours of training beside other work.
+
+    Threads that spin take turns with whatever else runs: beside one busy program a step took twenty
+    times as long. OpenMP reads this once, when torch is loaded. Drawing, whose frames are short,
+    minds its threads itself (`fair_threads`); waking them would take longer than spinning.
+    """
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
 
 
 def _log(step: int, figures: Mapping[str, float]) -> None:
