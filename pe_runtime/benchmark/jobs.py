@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import torch
 
 from pe_runtime.benchmark.machine import (
     ROWS,
@@ -19,7 +20,12 @@ from pe_runtime.benchmark.scenes import Scene, open_scene
 from pe_runtime.benchmark.timing import interleaved
 from pe_runtime.benchmark.variations import resized, with_cast, with_samples
 from pe_runtime.config import Quality
+from pe_runtime.contract.camera import Camera
 from pe_runtime.environment import PlayableEnvironment, RenderOptions
+from pe_runtime.geometry.cameras import Cameras
+from pe_runtime.kept_frames import Frame
+from pe_runtime.rendering.scene import RenderSettings
+from pe_runtime.state import EnvironmentState
 
 
 @dataclass(frozen=True)
@@ -42,6 +48,8 @@ class Case:
     """How many more players."""
     kept: tuple[int, ...] = ()
     """Frames whose pictures are wanted."""
+    plain: bool = False
+    """Drawn by the model's modules as in training, not by the frame renderer."""
 
 
 @dataclass(frozen=True)
@@ -138,10 +146,11 @@ def _draw(
     own = scene.environment
     environment = PlayableEnvironment(own.config, own.networks, own.actions, own.header)
     options = RenderOptions(quality=case.quality)
+    draw = draw_plainly if case.plain else PlayableEnvironment.render
     seconds, memory, pictures, statistics = [], [], {}, {}
     for number, (state, camera) in enumerate(film(scene, case.film, case.frames)):
         began = time.perf_counter()
-        frame = environment.render(state, camera, options)
+        frame = draw(environment, state, camera, options)
         seconds.append(time.perf_counter() - began)
         memory.append(peak_memory())
         statistics = frame.statistics
@@ -150,3 +159,22 @@ def _draw(
             pictures[key] = frame.rgb
     peaks = tuple(each for each in memory if each is not None)
     return Run(case.name, tuple(seconds), peaks, dict(statistics)), pictures
+
+
+@torch.no_grad()
+def draw_plainly(
+    environment: PlayableEnvironment,
+    state: EnvironmentState,
+    camera: Camera,
+    options: RenderOptions,
+) -> Frame:
+    """Draw a frame with the model's modules as training does; of the options nothing counts."""
+    del options
+    cameras = Cameras.stack([camera], environment.device)
+    size = environment.renderer.map_size(cameras)
+    corner = torch.zeros(1, 2, dtype=torch.long)
+    settings = RenderSettings(near=environment.config.near)
+    codes, networks = environment.codes(state), environment.networks
+    picture = networks.synthesise(cameras, codes, corner, size, settings)[0]
+    picture = picture[:, : camera.height, : camera.width].permute(1, 2, 0)
+    return Frame(np.ascontiguousarray(picture.cpu().numpy()))

@@ -20,6 +20,7 @@ FILMS = (
     ("standing", "^", "following frames, standing camera"),
 )
 PRESET_COLOURS = ("#1b6ca8", "#d1495b", "#3c8d40", "#8a4fbf")
+BASELINE_COLOUR = "#222222"
 SWITCH_COLOURS = ("#e08e0b", "#6b8fb3", "#b07aa1", "#9c755f", "#59a89c", "#7f7f7f", "#a3a847")
 EQUAL = 1e-9
 """Where pictures are drawn that equal the true one to the last bit."""
@@ -71,6 +72,7 @@ def _error_panel(axes: Axes, model: Record, finer: int) -> None:
     points = model["points"]
     errors = [max(each["errors"]["float64"]["rmse"], EQUAL) for each in points]
     left = {
+        "baseline": itertools.cycle((BASELINE_COLOUR,)),
         "preset": itertools.cycle(PRESET_COLOURS),
         "switch": itertools.cycle(SWITCH_COLOURS),
     }
@@ -82,7 +84,7 @@ def _error_panel(axes: Axes, model: Record, finer: int) -> None:
             spread = point["seconds"][key]
             ends = [[time - 1000 * spread["low"]], [1000 * spread["high"] - time]]
             axes.errorbar(time, error, xerr=ends, color=colour, linewidth=0.8, capsize=2)
-            face = colour if point["kind"] == "preset" else "white"
+            face = colour if point["kind"] != "switch" else "white"
             axes.plot(time, error, mark, color=colour, markerfacecolor=face, markersize=7)
     axes.set(xscale="log", yscale="log", xlabel="milliseconds a frame", ylabel="RMSE to float64")
     limit = points[0]["errors"]["converged"]["rmse"]

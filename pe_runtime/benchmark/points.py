@@ -16,7 +16,7 @@ class Point:
 
     Attributes:
         name: "balanced", "bfloat16", "weight_threshold 0.001".
-        kind: "preset" or "switch".
+        kind: "baseline", "preset" or "switch".
         quality: Its switches.
     """
 
@@ -24,11 +24,21 @@ class Point:
     kind: str
     quality: Quality
 
+    @property
+    def plain(self) -> bool:
+        """Whether frames are drawn as training draws them, without the frame renderer."""
+        return self.kind == "baseline"
+
+
+PLAIN = Point("plain", "baseline", Quality())
+"""The model's own modules, called one after the other as in training: only samples outside the
+volumes are left out, nothing is folded, nothing kept from frame to frame."""
+
 
 def all_points(
     presets: Mapping[str, Quality] = QUALITIES, switches: bool = True
 ) -> tuple[Point, ...]:
-    """Presets, then each field of `Quality` alone at each value that presets give it.
+    """The baseline, presets, then each field of `Quality` alone at each value that presets give it.
 
     A new field appears by itself; where no preset uses it yet, at a value of its kind.
 
@@ -36,7 +46,8 @@ def all_points(
         presets: By name.
         switches: False for the presets only.
     """
-    points = [Point(name, "preset", quality) for name, quality in presets.items()]
+    points = [PLAIN]
+    points += [Point(name, "preset", quality) for name, quality in presets.items()]
     for field in fields(Quality) if switches else ():
         used = sorted({getattr(each, field.name) for each in presets.values()} - {field.default})
         for value in used or [_trial(field)]:

@@ -32,7 +32,9 @@ def measure_points(bench: Bench) -> list[dict[str, Any]]:
 
 def _films(point: Point, frames: int) -> tuple[Case, ...]:
     kept = (0, frames - 1)
-    return tuple(Case(name, point.quality, name, frames, kept=kept) for name in FILMS)
+    return tuple(
+        Case(name, point.quality, name, frames, kept=kept, plain=point.plain) for name in FILMS
+    )
 
 
 def _record(

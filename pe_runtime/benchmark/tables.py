@@ -109,7 +109,7 @@ def _points(model: Record, machine: str) -> Sheet:
     headings = ("quality", "first", "moving", "standing", "times", "max error", "PSNR", "MiB")
     caption = (
         "Milliseconds of a first frame and of following ones with a moving and a standing camera, "
-        "median and half the distance of the quartiles; times as fast as the first row (moving); "
+        "median and half the distance of the quartiles; times as fast as plain modules (moving); "
         f"error and PSNR (dB) against float64; peak memory of the process. {machine}."
     )
     return Sheet(f"{title_of(model)}: run time and error", headings, tuple(rows), caption)

@@ -16,7 +16,7 @@ from pe_runtime.rendering.scene import RenderSettings
 CELLS = (10, 10, 14)
 """Grid points along x, y and z of a volume."""
 
-EMPTY = 5e-2
+EMPTY = 1e-2
 """Optical thickness of a grid cell below which nothing is there."""
 
 

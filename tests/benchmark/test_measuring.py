@@ -111,8 +111,12 @@ def test_a_new_switch_appears_by_itself(monkeypatch):
     assert {"halves 0.5", "skips"} <= set(names)
 
 
-def test_without_switches_only_presets_are_left():
-    assert [p.name for p in all_points(switches=False)] == list(QUALITIES)
+def test_without_switches_the_baseline_and_presets_are_left():
+    assert [p.name for p in all_points(switches=False)] == ["plain", *QUALITIES]
+
+
+def test_only_the_baseline_is_drawn_plainly():
+    assert [p.name for p in all_points() if p.plain] == ["plain"]
 
 
 def test_the_machine_is_described_with_the_rate_of_a_product():
