@@ -15,7 +15,6 @@ from small_world import (
     small_networks,
 )
 
-from pe_runtime import frame_renderer
 from pe_runtime.frame_renderer import FrameRenderer
 from pe_runtime.geometry.cameras import Cameras, ray_directions
 from pe_runtime.networks import SynthesisNetworks
@@ -162,7 +161,6 @@ def test_chunks_change_no_bit(networks, chunk, monkeypatch):
     depth, masks = geometry_of(networks, view)
     monkeypatch.setattr(frame_drawing, "KEPT_RAYS", 0)
     monkeypatch.setattr(frame_drawing, "CHUNK", chunk)
-    monkeypatch.setattr(frame_renderer, "CHUNK", chunk)
     chunked, counted_in_chunks = frame_of(networks, view)
     assert torch.equal(chunked, whole)
     assert counted_in_chunks["rays"] == counted["rays"]
