@@ -97,7 +97,8 @@ class FrameRenderer:
         if self._decoder is None or self._decoder[0] != dtype:
             self._decoder = (dtype, prepared(self.networks.feature_renderer, dtype))
             self._picture = None
-        decoder, before = self._decoder[1], self._picture
+        # Taken out first: where decoding is interrupted, its values are of no use any more.
+        decoder, before, self._picture = self._decoder[1], self._picture, None
         if drawn.changed is None or before is None:
             picture, self._picture = decode(decoder, maps)
         else:
@@ -124,7 +125,8 @@ class FrameRenderer:
         placed = self._placed(codes, settings)
         rays, levels = self._frame_rays(camera)
         rays = replace(rays, base=base_depth(camera, placed, settings))
-        drawn = draw_features(rays, levels, placed, settings, self._kept)
+        kept, self._kept = self._kept, None
+        drawn = draw_features(rays, levels, placed, settings, kept)
         self._kept = drawn.kept
         return drawn
 
@@ -150,6 +152,7 @@ class FrameRenderer:
         """The rays of all levels; those of the last frame where its camera is this one's."""
         key = camera_key(camera)
         if self._rays is None or self._rays[0] != key:
+            self._picture = None  # of no use for another view, and large
             size, start, pixels, levels = self.map_size(camera), 0, [], []
             channels = self.networks.channels()
             for stride, own in zip(self.config.feature_renderer.strides, channels, strict=True):

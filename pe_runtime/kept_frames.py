@@ -1,13 +1,14 @@
 """Frames that need not be drawn again, because everything that decides them is as it was."""
 
+import mmap
 from collections import OrderedDict
-from collections.abc import Hashable, Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-LIMIT = 64 * 2**20
-"""Bytes of pictures that are kept: 36 of 512x288 without further passes."""
+LIMIT = 8 * 2**20
+"""Bytes of pictures that are kept: 4 of 512x288, or 18 of 256x144, without further passes."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +39,7 @@ class KeptFrames:
     """The frames drawn last, by all that decides them; the oldest give way.
 
     Args:
-        limit: Bytes of pictures that are kept at most.
+        limit: Bytes of pictures that are kept at most; the last frame is kept however large.
     """
 
     def __init__(self, limit: int = LIMIT) -> None:
@@ -56,23 +57,34 @@ class KeptFrames:
 
     def keep(self, key: Hashable, frame: Frame) -> None:
         """Remember a copy of a frame, and forget the oldest beyond the limit."""
-        if frame.nbytes > self.limit:
-            return
-        self._frames[key] = _copied(frame)
-        while sum(each.nbytes for each in self._frames.values()) > self.limit:
-            self._frames.popitem(last=False)
+        self._frames[key] = _copied(frame, _apart)
+        held = sum(each.nbytes for each in self._frames.values())
+        while held > self.limit and len(self._frames) > 1:
+            held -= self._frames.popitem(last=False)[1].nbytes
 
     def clear(self) -> None:
         """Forget all."""
         self._frames.clear()
 
 
-def _copied(frame: Frame) -> Frame:
+def _copied(frame: Frame, copy: Callable[[np.ndarray], np.ndarray] = np.copy) -> Frame:
     """The same numbers in arrays of their own, which nobody else can change."""
-    depth = None if frame.depth is None else frame.depth.copy()
     return replace(
         frame,
-        rgb=frame.rgb.copy(),
-        depth=depth,
-        masks={n: m.copy() for n, m in frame.masks.items()},
+        rgb=copy(frame.rgb),
+        depth=None if frame.depth is None else copy(frame.depth),
+        masks={name: copy(mask) for name, mask in frame.masks.items()},
     )
+
+
+def _apart(array: np.ndarray) -> np.ndarray:
+    """A copy in memory of its own.
+
+    Among the short-lived arrays of a renderer, those that stay would keep the rest of the memory
+    around them from being used again in one piece.
+    """
+    if array.nbytes == 0:
+        return array.copy()
+    copy = np.frombuffer(mmap.mmap(-1, array.nbytes), array.dtype).reshape(array.shape)
+    copy[:] = array
+    return copy

@@ -9,9 +9,11 @@ from hypothesis import strategies as st
 from small_world import HEIGHT, WIDTH, camera, random_codes, small_config, small_networks
 from training.test_release_training import release_config
 
+from pe_runtime import frame_renderer
 from pe_runtime.frame_renderer import FrameRenderer, base_depth
 from pe_runtime.geometry.cameras import Cameras, ray_directions
 from pe_runtime.networks import SynthesisNetworks
+from pe_runtime.rendering import frame_drawing
 from pe_runtime.rendering.renderer import compose
 from pe_runtime.rendering.sampling import grid_pixels
 from pe_runtime.rendering.scene import Rays, RenderSettings
@@ -266,3 +268,27 @@ def test_far_objects_are_drawn_from_their_differences_in_depth():
     seen = renderer.geometry(far, codes, KEEPING)
     solid = torch.isfinite(seen.depth)
     assert ((seen.depth[solid] - 3e5 - distance).abs() < 3.0).all()
+
+
+@pytest.mark.parametrize("where", ["compose_features", "decode_again"])
+def test_a_frame_that_is_interrupted_spoils_no_later_one(networks, where, monkeypatch):
+    codes = codes_of(networks)
+    own = codes["player_1"]
+    moved = {**codes, "player_1": replace(own, position=own.position + 0.1)}
+    renderer = FrameRenderer(networks)
+    renderer.draw(view(), codes, KEEPING)
+    home = frame_drawing if where == "compose_features" else frame_renderer
+    working = getattr(home, where)
+
+    def interrupted(*args):
+        if where == "decode_again":
+            working(*args)  # has written over what it was given
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(home, where, interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        renderer.draw(view(), moved, KEEPING)
+    monkeypatch.undo()
+    for each in (moved, codes):
+        picture, _ = renderer.draw(view(), each, KEEPING)
+        assert torch.equal(picture, FrameRenderer(networks).draw(view(), each, KEEPING)[0])

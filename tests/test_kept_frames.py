@@ -82,7 +82,21 @@ def test_the_oldest_frames_give_way():
     assert kept.get(0) is not None
     assert kept.get(1) is None
     assert kept.get(2) is not None and kept.get(3) is not None
-    kept.keep("large", Frame(np.zeros((9, 9, 3), np.float32)))
-    assert kept.get("large") is None
     kept.clear()
     assert kept.get(0) is None
+
+
+def test_the_last_frame_is_kept_however_large_and_then_alone():
+    kept = KeptFrames(limit=3 * 48)
+    kept.keep("small", Frame(np.zeros((2, 2, 3), np.float32)))
+    kept.keep("large", Frame(np.ones((9, 9, 3), np.float32)))
+    assert np.array_equal(kept.get("large").rgb, np.ones((9, 9, 3)))
+    assert kept.get("small") is None
+    kept.keep("small", Frame(np.zeros((2, 2, 3), np.float32)))
+    assert kept.get("large") is None
+
+
+def test_a_frame_without_pixels_is_kept_too():
+    kept = KeptFrames()
+    kept.keep("nothing", Frame(np.zeros((0, 3, 3), np.float32)))
+    assert kept.get("nothing").rgb.shape == (0, 3, 3)

@@ -21,19 +21,28 @@ class Blocks:
 
     Attributes:
         rows: That go through the layers together.
-        unit: Blocks are filled up to a multiple of so many rows.
+        sizes: Numbers of rows to which a block is filled up; the last is `rows`. Few, since a
+            backend prepares itself for every size that it meets, and keeps what it prepared.
     """
 
     rows: int
-    unit: int
+    sizes: tuple[int, ...]
+
+    def filled(self, count: int) -> int:
+        """The size of a block of so many rows."""
+        return next(size for size in self.sizes if size >= count)
 
 
-EXACT = Blocks(1024, 1024)
+EXACT = Blocks(1024, (1024,))
 """In float32: 1 MB of 256 features. A product of another size may sum in another order, so every
 block is filled up to its full size."""
 
-FAST = Blocks(4096, 256)
+FAST = Blocks(4096, (256, 512, 1024, 2048, 4096))
 """In bfloat16, where that does not count."""
+
+
+STEP = 2048
+"""Results lie in memory for a multiple of so many rows."""
 
 
 @dataclass(frozen=True)
@@ -180,8 +189,12 @@ class FoldedField:
 
 
 def _rows_like(row: Tensor, rows: Tensor) -> Tensor:
-    """As many rows as there are, each of the size and type of one; not filled."""
-    return row.new_empty(rows.shape[0], row.shape[0])
+    """As many rows as there are, each of the size and type of one; not filled.
+
+    Memory of sizes that come again can be used again: it is asked for in steps.
+    """
+    count = rows.shape[0]
+    return row.new_empty(count + -count % STEP, row.shape[0])[:count]
 
 
 def in_blocks(
@@ -201,7 +214,7 @@ def in_blocks(
     for start in range(0, rows.shape[0], blocks.rows):
         part = rows[start : start + blocks.rows]
         count = part.shape[0]
-        missing = -count % blocks.unit
+        missing = blocks.filled(count) - count
         if missing:
             part = torch.nn.functional.pad(part, (0, 0, 0, missing))
         for whole, found in zip(results, function(part), strict=True):

@@ -47,13 +47,14 @@ class KeptFrame:
     Attributes:
         view: Key of camera, rays and settings.
         keys: Key of every object, by name.
-        passages: Its samples.
+        passages: Samples of its objects. The next frame takes out what it can use and frees the
+            rest before it computes its own, so that there are never two of a kind.
         maps: Feature maps, (rays of the level, channels).
     """
 
     view: tuple
     keys: Mapping[str, tuple]
-    passages: Mapping[str, FramePassage]
+    passages: dict[str, FramePassage]
     maps: list[Float[Tensor, "_ _"]]
 
 
@@ -89,14 +90,17 @@ def draw_features(
         levels: Which rays and channels each feature map takes.
         placed: The visible objects by name, in the order of the model.
         settings: Sampling and skipping.
-        kept: What the frame before left behind; used if its view is this one's.
+        kept: What the frame before left behind; used if its view is this one's, and up.
     """
+    view = (camera_key(rays.camera), len(rays), rays.base, settings)
+    if kept is not None and kept.view != view:
+        kept.passages.clear()
+        kept = None
     if len(rays) > KEPT_RAYS:
         return _in_chunks(rays, levels, placed, settings)
-    view = (camera_key(rays.camera), len(rays), rays.base, settings)
-    kept = kept if kept is not None and kept.view == view else None
-    passages, fresh = _passages(rays, placed, settings, kept)
-    which = _changed_rays(rays, passages, fresh, kept)
+    reused, left = _taken(kept, placed)
+    passages, fresh = _passages(rays, placed, settings, reused)
+    which = _changed_rays(rays, passages, fresh, left)
     seen = compose_features(list(passages.values()), which, levels, settings)
     maps, changed = _merged(which, levels, seen, kept, len(rays))
     statistics = _statistics(len(rays), passages, fresh, which, seen)
@@ -114,23 +118,41 @@ def _passages(
     rays: FrameRays,
     placed: Mapping[str, Placed],
     settings: RenderSettings,
-    kept: KeptFrame | None,
+    reused: Mapping[str, FramePassage],
 ) -> tuple[dict[str, FramePassage], set[str]]:
     """Samples of all objects, and the names of those that had to be sampled."""
     passages: dict[str, FramePassage] = {}
     fresh = set()
     for name in _front_first(rays, placed):
-        each = placed[name]
-        if kept is not None and kept.keys.get(name) == each.key:
-            passages[name] = kept.passages[name]
+        if name in reused:
+            passages[name] = reused[name]
             continue
         # With a standing camera those behind are kept while those in front move, so what is hidden
         # now may show later: nothing is left out then.
         before = [] if settings.remember else list(passages.values())
-        passages[name] = frame_passage(rays, each.object, settings, before)
+        passages[name] = frame_passage(rays, placed[name].object, settings, before)
         fresh.add(name)
     # Composed in the order of the model, which decides between samples at equal depths.
     return {name: passages[name] for name in placed}, fresh
+
+
+def _taken(
+    kept: KeptFrame | None, placed: Mapping[str, Placed]
+) -> tuple[dict[str, FramePassage], list[Tensor] | None]:
+    """Samples of the last frame that hold still, and the rays that the others of it met.
+
+    The others themselves are freed. None instead of rays: there is no last frame.
+    """
+    if kept is None:
+        return {}, None
+    reused, left = {}, []
+    for name in list(kept.passages):
+        passage = kept.passages.pop(name)
+        if name in placed and kept.keys[name] == placed[name].key:
+            reused[name] = passage
+        else:
+            left.append(passage.rays)
+    return reused, left
 
 
 def _front_first(rays: FrameRays, placed: Mapping[str, Placed]) -> list[str]:
@@ -148,17 +170,16 @@ def _changed_rays(
     rays: FrameRays,
     passages: Mapping[str, FramePassage],
     fresh: set[str],
-    kept: KeptFrame | None,
+    left: Sequence[Tensor] | None,
 ) -> Int[Tensor, " rays"]:
     device = rays.directions.device
-    if kept is None:
+    if left is None:
         return torch.arange(len(rays), device=device)
     changed = torch.zeros(len(rays), dtype=torch.bool, device=device)
     for name in fresh:
         changed[passages[name].rays] = True
-    for name, before in kept.passages.items():
-        if name in fresh or name not in passages:
-            changed[before.rays] = True
+    for before in left:
+        changed[before] = True
     return torch.nonzero(changed)[:, 0]
 
 
@@ -258,5 +279,5 @@ def _sampled(
     rays: FrameRays, placed: Mapping[str, Placed], settings: RenderSettings
 ) -> tuple[dict[str, FramePassage], Tensor]:
     """Samples of all objects on a run of rays, and the rays' numbers."""
-    passages, _ = _passages(rays, placed, replace(settings, remember=False), None)
+    passages, _ = _passages(rays, placed, replace(settings, remember=False), {})
     return passages, torch.arange(len(rays), device=rays.directions.device)
