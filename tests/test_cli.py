@@ -11,7 +11,8 @@ import pytest
 import tiny_model
 from command_line import result, run
 
-from pe_runtime.cli.terminal import parse_frames, parse_size
+from pe_runtime.benchmark.tables import Sheet, as_table
+from pe_runtime.cli.terminal import parse_frames, parse_size, show
 from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.shot import ObjectTrack, Shot, Start
 
@@ -274,3 +275,12 @@ def test_recording_ends_with_what_the_data_set_holds(capsys, tmp_path):
     facts = result(capsys, "dataset", "record", *wanted, "-o", tmp_path / "data")
     assert (facts["complete_episodes"], facts["views"], facts["seed"]) == (1, 2, 5)
     assert facts["size"] == "64x36"
+
+
+def test_a_narrow_window_or_a_file_gets_whole_tables(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "40")
+    headings = tuple(f"a heading of column {number}" for number in range(6))
+    rows = (("a case with a long name", *(f"{number}.0e-07" for number in range(5))),)
+    show({}, as_table(Sheet("title", headings, rows)))
+    said = capsys.readouterr().out
+    assert all(text in said for text in (*headings, *rows[0]))

@@ -12,8 +12,9 @@ from pe_runtime.contract.camera import Camera
 from pe_runtime.play.camera_moves import CameraMove, moved_camera
 from pe_runtime.state import EnvironmentState, change
 
-ORBIT = 0.5
-"""Degrees that the camera turns about the middle from one frame to the next."""
+ORBIT, TURN = 0.5, 24
+"""Degrees that the camera turns about the middle from one frame to the next, and frames after which
+it turns back. A long film that went all around would show other sides, which cost what they cost."""
 WALK, LAP = 0.5, 96
 """Players walk round circles of this radius (metres) in so many frames."""
 SWAY, BEAT = 0.1, 24
@@ -24,9 +25,9 @@ Moment = tuple[EnvironmentState, Camera]
 
 
 def moving(scene: Scene, frame: int) -> Moment:
-    """The camera orbits what it looks at; players walk."""
+    """The camera orbits what it looks at, to and fro; players walk."""
     middle = ground_places(scene.camera, 1, (0.5, 0.5))[0].double().numpy()
-    camera = moved_camera(scene.camera, middle, CameraMove(orbit=ORBIT * frame))
+    camera = moved_camera(scene.camera, middle, CameraMove(orbit=ORBIT * _swing(frame)))
     return standing(scene, frame)[0], camera
 
 
@@ -55,6 +56,11 @@ FILMS: Mapping[str, Callable[[Scene, int], Moment]] = {
 def film(scene: Scene, kind: str, frames: int) -> list[Moment]:
     """State and camera of each frame; frame 0 is the scene as it is."""
     return [FILMS[kind](scene, frame) for frame in range(frames)]
+
+
+def _swing(frame: int) -> int:
+    """To and fro: 0, 1, .. TURN, .. 1, 0, -1, .. -TURN, .. 0; no place comes again at once."""
+    return TURN - abs((frame + TURN) % (4 * TURN) - 2 * TURN)
 
 
 def _step(frame: int) -> Tensor:

@@ -62,12 +62,14 @@ def as_table(sheet: Sheet) -> Table:
 
 def as_markdown(report: Record) -> str:
     """For documents."""
-    parts = []
-    for sheet in sheets(report):
-        rule = "| --- |" + " ---: |" * (len(sheet.headings) - 1)
-        lines = [_line(sheet.headings), rule, *map(_line, sheet.rows)]
-        parts.append("\n".join([f"**{sheet.title}**", "", *lines, "", sheet.caption]).strip())
-    return "\n\n".join(parts) + "\n"
+    return "\n".join(map(sheet_as_markdown, sheets(report)))
+
+
+def sheet_as_markdown(sheet: Sheet) -> str:
+    """One table for documents."""
+    rule = "| --- |" + " ---: |" * (len(sheet.headings) - 1)
+    lines = [_line(sheet.headings), rule, *map(_line, sheet.rows)]
+    return "\n".join([f"**{sheet.title}**", "", *lines, "", sheet.caption]).strip() + "\n"
 
 
 def machine_line(machine: Record) -> str:

@@ -71,7 +71,7 @@ def bench(
 
 def _stress(out: Path) -> None:
     from pe_runtime.benchmark.stress import run_stress, stress_table
-    from pe_runtime.benchmark.tables import Sheet, as_table
+    from pe_runtime.benchmark.tables import Sheet, as_table, sheet_as_markdown
 
     with progress("cases") as report_progress:
         report = run_stress(report_progress)
@@ -80,6 +80,8 @@ def _stress(out: Path) -> None:
     (out / "stress.json").write_text(json.dumps(found, indent=1, allow_nan=False))
     headings, *rows = stress_table(report)
     title = "Numerical stability: worst errors against float64"
-    show(found, as_table(Sheet(title, headings, tuple(rows))))
+    sheet = Sheet(title, headings, tuple(rows))
+    (out / "stress_table.md").write_text(sheet_as_markdown(sheet))
+    show(found, as_table(sheet))
     if not report.passed:
         raise typer.Exit(1)

@@ -57,6 +57,10 @@ def device() -> str:
     return _given.get(SharedOptions()).device
 
 
+WIDEST = 400
+"""Columns that a table may take."""
+
+
 def show(result: Mapping[str, Any], view: RenderableType | None = None) -> None:
     """Print a command's result: JSON if asked for, else the view or its keys and values."""
     if _given.get(SharedOptions()).as_json:
@@ -64,6 +68,9 @@ def show(result: Mapping[str, Any], view: RenderableType | None = None) -> None:
         return
     console = Console(soft_wrap=True, highlight=False)
     if view is not None:
+        # In a narrow window, or a file, long lines are better than columns left out.
+        needed = console.measure(view, options=console.options.update(width=WIDEST)).maximum
+        console.width = max(console.width, needed)
         console.print(view)
         return
     for key, value in result.items():

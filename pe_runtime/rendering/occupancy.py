@@ -11,7 +11,6 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from pe_runtime.rendering.folded_field import FoldedField
-from pe_runtime.rendering.scene import RenderSettings
 
 CELLS = (10, 10, 14)
 """Grid points along x, y and z of a volume."""
@@ -23,16 +22,13 @@ EMPTY = 1e-2
 def occupied(
     field: FoldedField,
     coordinates: Float[Tensor, "3 hits samples"],
-    settings: RenderSettings,
 ) -> Bool[Tensor, "hits samples"] | None:
     """Whether there may be something at samples; None where a look would cost more than it saves.
 
     Args:
         field: The object's, in its present state.
         coordinates: Samples in half box sizes.
-        settings: Sampling.
     """
-    del settings
     count = CELLS[0] * CELLS[1] * CELLS[2]
     if coordinates[0].numel() < 2 * count:
         return None
