@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import zipfile
+from contextvars import ContextVar
 from pathlib import Path
 
 import pytest
@@ -12,7 +13,7 @@ import tiny_model
 from command_line import result, run
 
 from pe_runtime.benchmark.tables import Sheet, as_table
-from pe_runtime.cli.terminal import parse_frames, parse_size, show
+from pe_runtime.cli.terminal import parse_frames, parse_size
 from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.shot import ObjectTrack, Shot, Start
 
@@ -279,8 +280,10 @@ def test_recording_ends_with_what_the_data_set_holds(capsys, tmp_path):
 
 def test_a_narrow_window_or_a_file_gets_whole_tables(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "40")
+    # Nothing of what a command before was asked for.
+    monkeypatch.setattr(terminal, "_given", ContextVar("given"))
     headings = tuple(f"a heading of column {number}" for number in range(6))
     rows = (("a case with a long name", *(f"{number}.0e-07" for number in range(5))),)
-    show({}, as_table(Sheet("title", headings, rows)))
+    terminal.show({}, as_table(Sheet("title", headings, rows)))
     said = capsys.readouterr().out
     assert all(text in said for text in (*headings, *rows[0]))

@@ -13,8 +13,8 @@ from pe_runtime.play.camera_moves import CameraMove, moved_camera
 from pe_runtime.state import EnvironmentState, change
 
 ORBIT, TURN = 0.5, 24
-"""Degrees that the camera turns about the middle from one frame to the next, and frames after which
-it turns back. A long film that went all around would show other sides, which cost what they cost."""
+"""Degrees that the camera turns about the middle from frame to frame, and frames after which it
+turns back: a film that goes all around shows other sides, which cost what they cost."""
 WALK, LAP = 0.5, 96
 """Players walk round circles of this radius (metres) in so many frames."""
 SWAY, BEAT = 0.1, 24
