@@ -13,6 +13,7 @@ import tiny_model
 from command_line import result, run
 
 from pe_runtime.benchmark.tables import Sheet, as_table
+from pe_runtime.cli import terminal
 from pe_runtime.cli.terminal import parse_frames, parse_size
 from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.shot import ObjectTrack, Shot, Start
