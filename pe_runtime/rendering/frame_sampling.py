@@ -43,6 +43,8 @@ def frame_passage(
         return _sky(rays, each, settings)
     config = each.field.config
     index = _candidates(rays, each)
+    if index.numel() == 0 and not config.opaque:
+        return _missed(rays, each, index, settings)
     origins = (rays.camera.centres[0] - each.position.double()).expand(len(index), 3)
     directions = rays.directions[index]
     if each.heading:
@@ -80,6 +82,19 @@ def frame_passage(
     return _evaluated(
         rays, each, index, ((depth - rays.base).float(), length, coordinates), wanted, settings
     )
+
+
+def _missed(
+    rays: FrameRays, each: FrameObject, nobody: Tensor, settings: RenderSettings
+) -> FramePassage:
+    """The passage of a volume that is out of view."""
+    none = torch.zeros(0, 1, device=nobody.device)
+    hidden = each.field.trunk.layers[-1].bias.new_zeros(0, 1)
+    ours = settings.release is None
+    elsewhere = 2 * SKY_DEPTH if ours else depth_range(each.field.config, settings)[0]
+    places = none.expand(0, 3)
+    row_of = _rows_of(rays, nobody)
+    return FramePassage(each, nobody, row_of, none, none, none.long(), places, hidden, elsewhere)
 
 
 def _points(line: tuple[Tensor, Tensor], depth: Tensor) -> Float[Tensor, "3 hits samples"]:
