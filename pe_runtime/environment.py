@@ -1,6 +1,6 @@
 """The playable environment: encode a picture, step the state, render a frame.
 
-State and memory go in and come out; nothing is kept between calls, so undo, scrubbing and farms
+State and memory go in and come out; what is kept between calls saves work only, so undo, scrubbing and farms
 that split a shot see exactly what one run in order would have seen.
 """
 

@@ -83,22 +83,27 @@ class FrameRenderer:
         Returns:
             sRGB picture in [0, 1], and the counters of the composition.
         """
-        size = self.map_size(camera)
+        size, before = self.map_size(camera), self._picture
+        if self._rays is None or self._rays[0] != camera_key(camera):
+            before = None  # of no use for another view, and large
         drawn = self.features(camera, codes, settings)
         maps = self.networks.as_maps(drawn.maps, 1, size)
-        picture = self._decoded(maps, drawn, settings)
+        picture = self._decoded(maps, drawn, settings, before)
         return picture[:, : camera.height, : camera.width].float(), drawn.statistics
 
     def _decoded(
-        self, maps: list[Tensor], drawn: DrawnFeatures, settings: RenderSettings
+        self,
+        maps: list[Tensor],
+        drawn: DrawnFeatures,
+        settings: RenderSettings,
+        before: Decoded | None,
     ) -> Float[Tensor, "3 height width"]:
         """The picture of feature maps; only what a change can reach is decoded again."""
         dtype = torch.bfloat16 if settings.bfloat16 else torch.float32
         if self._decoder is None or self._decoder[0] != dtype:
             self._decoder = (dtype, prepared(self.networks.feature_renderer, dtype))
-            self._picture = None
-        # Taken out first: where decoding is interrupted, its values are of no use any more.
-        decoder, before, self._picture = self._decoder[1], self._picture, None
+            before = None
+        decoder = self._decoder[1]
         if drawn.changed is None or before is None:
             picture, self._picture = decode(decoder, maps)
         else:
@@ -125,7 +130,9 @@ class FrameRenderer:
         placed = self._placed(codes, settings)
         rays, levels = self._frame_rays(camera)
         rays = replace(rays, base=base_depth(camera, placed, settings))
-        kept, self._kept = self._kept, None
+        # Both are taken out: where a frame is interrupted, or only its features are asked for, the
+        # picture is not the one that belongs to what is kept.
+        kept, self._kept, self._picture = self._kept, None, None
         drawn = draw_features(rays, levels, placed, settings, kept)
         self._kept = drawn.kept
         return drawn
@@ -152,7 +159,6 @@ class FrameRenderer:
         """The rays of all levels; those of the last frame where its camera is this one's."""
         key = camera_key(camera)
         if self._rays is None or self._rays[0] != key:
-            self._picture = None  # of no use for another view, and large
             size, start, pixels, levels = self.map_size(camera), 0, [], []
             channels = self.networks.channels()
             for stride, own in zip(self.config.feature_renderer.strides, channels, strict=True):

@@ -270,6 +270,17 @@ def test_far_objects_are_drawn_from_their_differences_in_depth():
     assert ((seen.depth[solid] - 3e5 - distance).abs() < 3.0).all()
 
 
+def test_features_asked_for_between_two_frames_spoil_no_picture(networks):
+    codes = codes_of(networks)
+    own = codes["player_1"]
+    moved = {**codes, "player_1": replace(own, position=own.position + 0.1)}
+    renderer = FrameRenderer(networks)
+    renderer.draw(view(), codes, KEEPING)
+    renderer.features(view(), moved, KEEPING)
+    picture, _ = renderer.draw(view(), moved, KEEPING)
+    assert torch.equal(picture, FrameRenderer(networks).draw(view(), moved, KEEPING)[0])
+
+
 @pytest.mark.parametrize("where", ["compose_features", "decode_again"])
 def test_a_frame_that_is_interrupted_spoils_no_later_one(networks, where, monkeypatch):
     codes = codes_of(networks)
