@@ -1,7 +1,7 @@
 """The playable environment: encode a picture, step the state, render a frame.
 
-State and memory go in and come out; what is kept between calls saves work only, so undo, scrubbing and farms
-that split a shot see exactly what one run in order would have seen.
+State and memory go in and come out; what is kept between calls only saves work, so undo, scrubbing
+and farms that split a shot see exactly what one run in order would have seen.
 """
 
 from collections.abc import Mapping, Sequence
