@@ -25,6 +25,8 @@ class SynthesisConfig:
     perceptual_weight: float = 0.3
     gradient_weight: float = 0.03
     permute_style: bool = True
+    recoloured: float = 0.0
+    """Share of sequences that are shown in other colours (`training.augmentation`)."""
     density_noise: float = 0.0
     bfloat16: bool = True
     seed: int = 0

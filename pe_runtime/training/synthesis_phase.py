@@ -16,6 +16,7 @@ from pe_runtime.contract.errors import ConfigError
 from pe_runtime.dataset import Clips, FrameBatch
 from pe_runtime.networks import Codes, SynthesisNetworks
 from pe_runtime.rendering.scene import RenderSettings
+from pe_runtime.training.augmentation import recolour
 from pe_runtime.training.loop import (
     Log,
     Schedule,
@@ -89,7 +90,8 @@ class SynthesisPhase:
         clips = torch.randint(len(self.clips), (self.config.sequences,))
         length, frames = self.clips.images.shape[1], self.config.frames
         times = torch.stack([torch.randperm(length)[:frames] for _ in range(len(clips))])
-        return self.clips.batch(clips.repeat_interleave(frames), times.flatten())
+        batch = self.clips.batch(clips.repeat_interleave(frames), times.flatten())
+        return replace(batch, images=recolour(batch.images, frames, self.config.recoloured))
 
     def _windows(self, batch: FrameBatch) -> Int[Tensor, "frames 2"]:
         """Top-left corners of the patches, most of them around a player."""
