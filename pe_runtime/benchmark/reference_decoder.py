@@ -21,8 +21,12 @@ def decode(
         weights: Tensors below `synthesis.feature_renderer.`, float64.
         config: F's design and sizes.
     """
-    design = _paper if config.design == "paper" else _light
-    return torch.sigmoid(design(maps, weights, config))[0]
+    designs = {"light": _light, "paper": _paper, "direct": _direct}
+    return torch.sigmoid(designs[config.design](maps, weights, config))[0]
+
+
+def _direct(maps: Sequence[Tensor], weights: Weights, config: FeatureRendererConfig) -> Tensor:
+    return maps[0]
 
 
 def _light(maps: Sequence[Tensor], weights: Weights, config: FeatureRendererConfig) -> Tensor:

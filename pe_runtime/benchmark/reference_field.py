@@ -60,10 +60,17 @@ class ReferenceField:
     def _features(self, coordinates: Tensor) -> Tensor:
         hidden = self._trunk(coordinates)
         for number in range(2):
-            scale = linear(self.weights, f"modulations.{number}.scale", self.style[None])
-            shift = linear(self.weights, f"modulations.{number}.shift", self.style[None])
-            hidden = relu(scale * linear(self.weights, f"head.{number}", hidden) + shift)
+            hidden = linear(self.weights, f"head.{number}", hidden)
+            hidden = relu(self._styled(hidden, f"modulations.{number}"))
         return linear(self.weights, "output", hidden)
+
+    def _styled(self, hidden: Tensor, name: str) -> Tensor:
+        if self.config.style_features == 0:
+            return hidden
+        if self.config.style_input == "concatenation":
+            return hidden + self.style @ self.weights[f"{name}.shift.weight"].T
+        scale = linear(self.weights, f"{name}.scale", self.style[None])
+        return scale * hidden + linear(self.weights, f"{name}.shift", self.style[None])
 
     def _trunk(self, coordinates: Tensor) -> Tensor:
         config = self.config.field

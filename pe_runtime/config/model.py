@@ -7,7 +7,7 @@ from pe_runtime.config.checks import demand, demand_one_of
 from pe_runtime.config.objects import ObjectClassConfig, ObjectConfig, Triple
 from pe_runtime.contract.errors import ConfigError
 
-RENDERER_DESIGNS = ("light", "paper")
+RENDERER_DESIGNS = ("light", "paper", "direct")
 ACTION_DESIGNS = ("transition", "state")
 MOVEMENT_FRAMES = ("camera", "world", "object")
 DISCRIMINATORS = ("movements", "states")
@@ -20,7 +20,8 @@ class FeatureRendererConfig:
 
     design: str = "light"
     """"light" (ours), or "paper": the decoder of the paper's authors, with more and wider blocks
-    and a convolution after every doubling."""
+    and a convolution after every doubling; or "direct": no ConvNet, one ray per pixel has its
+    colour."""
     activated_blocks: bool = False
     """A ReLU after every residual block of the "paper" design (v7; without: v6)."""
     strides: tuple[int, ...] = (2, 4)
@@ -47,6 +48,11 @@ class FeatureRendererConfig:
             "feature_renderer: as many output_widths as doublings from the finest map to the image",
         )
         demand(self.features[0] >= 3, "feature_renderer: 3 features or more in the finest map")
+        plain = self.strides == (1,) and self.features == (3,)
+        demand(
+            plain or self.design != "direct",
+            'feature_renderer: strides [1], features [3], no output_widths for a "direct" one',
+        )
 
 
 @dataclass(frozen=True)

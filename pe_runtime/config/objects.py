@@ -11,6 +11,7 @@ DENSITIES = ("softplus", "relu")
 ENCODER_DESIGNS = ("compact", "residual", "attentive")
 CROPS = ("box", "volume", "visible-volume", "frame")
 RESAMPLINGS = ("bilinear", "max")
+STYLE_INPUTS = ("modulation", "concatenation")
 VIEWS = ("direction", "camera", "none")
 
 
@@ -123,6 +124,10 @@ class ObjectClassConfig:
     sees_origin: bool = False
     """A sky's V is also told where the camera stands, in box sizes."""
     style_features: int = 16
+    """Length of w; 0 for an object that always looks the same."""
+    style_input: str = "modulation"
+    """How w enters the feature branch: "modulation" of its layers, or "concatenation" with what
+    enters them (the paper's ablation)."""
     pose_features: int = 0
     foot_offset: float = 0.0
     """Metres from a box's foot point, away from the camera, to the object's middle."""
@@ -142,7 +147,8 @@ class ObjectClassConfig:
         demand(bool(self.axes) and set(self.axes) <= {0, 1, 2}, "class: axes out of 0, 1, 2")
         near, far = self.depth_range or (0.0, 1.0)
         demand(0 <= near < far, f"class: depth_range from near to far, not {self.depth_range}")
-        demand(self.style_features >= 1, "class: style_features >= 1")
+        demand(self.style_features >= 0, "class: style_features >= 0")
+        demand_one_of(self.style_input, STYLE_INPUTS, "class: style_input")
         bends = self.bending is not None
         demand(self.pose_features >= int(bends), "class: pose_features >= 1 where rays are bent")
         if self.heading is not None:

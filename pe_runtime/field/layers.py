@@ -44,6 +44,53 @@ class Modulation(nn.Module):
         return self.scale(style), self.shift(style)
 
 
+class Concatenation(nn.Module):
+    """The style beside the hidden features, W (h, w) + b: a shift U w of W_h h + b and no scale.
+
+    Stands where a `Modulation` stands, for the paper's ablation (its direct style encoding).
+    """
+
+    def __init__(self, style_features: int, features: int) -> None:
+        super().__init__()
+        self.shift = nn.Linear(style_features, features, bias=False)
+
+    def forward(
+        self, style: Float[Tensor, "frames style"]
+    ) -> tuple[Float[Tensor, "frames features"], Float[Tensor, "frames features"]]:
+        """Scale (ones) and shift of each frame."""
+        shift = self.shift(style)
+        return torch.ones_like(shift), shift
+
+
+class Unstyled(nn.Module):
+    """No style: the scale is 1 and the shift 0 in every frame."""
+
+    def __init__(self, features: int) -> None:
+        super().__init__()
+        self.features = features
+
+    def forward(
+        self, style: Float[Tensor, "frames style"]
+    ) -> tuple[Float[Tensor, "frames features"], Float[Tensor, "frames features"]]:
+        """Ones and zeros."""
+        shape = (style.shape[0], self.features)
+        return style.new_ones(shape), style.new_zeros(shape)
+
+
+def build_modulation(design: str, style_features: int, features: int) -> nn.Module:
+    """How a style enters a layer of so many features: by "modulation" or "concatenation", if any.
+
+    Args:
+        design: One of `config.objects.STYLE_INPUTS`.
+        style_features: Length of w; 0 for none.
+        features: Width of the layer.
+    """
+    if style_features == 0:
+        return Unstyled(features)
+    designs = {"modulation": Modulation, "concatenation": Concatenation}
+    return designs[design](style_features, features)
+
+
 def per_ray(
     values: Float[Tensor, "frames features"], frame: Int[Tensor, " rays"]
 ) -> Float[Tensor, "rays 1 features"]:

@@ -6,7 +6,7 @@ from torch import Tensor, nn
 
 from pe_runtime.config import ObjectClassConfig
 from pe_runtime.field.bending import RayBending
-from pe_runtime.field.layers import Modulation, PositionalEncoding, per_ray, stack
+from pe_runtime.field.layers import PositionalEncoding, build_modulation, per_ray, stack
 
 DENSITY_SHIFT = 2.5
 """Raw densities start around 0; the shift makes volumes start as thin fog, not as solid blocks."""
@@ -48,7 +48,7 @@ class ObjectField(nn.Module):
         widths = [field.head_width, field.branch_width or field.head_width]
         self.head = stack([field.width, *widths])
         self.modulations = nn.ModuleList(
-            Modulation(config.style_features, width) for width in widths
+            build_modulation(config.style_input, config.style_features, width) for width in widths
         )
         self.output = nn.Linear(widths[-1], features)
 

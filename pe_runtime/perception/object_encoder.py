@@ -45,8 +45,8 @@ class ObjectEncoder(nn.Module):
         super().__init__()
         self.config = config
         style, pose = config.style_features, config.pose_features
-        shared = config.encoder.shared_trunk
-        self.style = Trunk(config, style + pose if shared else style)
+        shared = config.encoder.shared_trunk and style > 0
+        self.style = Trunk(config, style + pose if shared else style) if style else None
         self.pose = Trunk(config, pose) if pose and not shared else None
         self.normalise = nn.BatchNorm1d(pose, affine=False, momentum=0.05) if pose else None
 
@@ -54,7 +54,9 @@ class ObjectEncoder(nn.Module):
         self, crops: Float[Tensor, "crops 3 height width"], view: Float[Tensor, "crops view"]
     ) -> tuple[Float[Tensor, "crops style"], Float[Tensor, "crops pose"]]:
         """Style and pose codes of crops in [0, 1] seen under the given views."""
-        style = self.style(crops, view).float()
+        style = crops.new_zeros(len(crops), 0)
+        if self.style is not None:
+            style = self.style(crops, view).float()
         if self.normalise is None:
             return style, style.new_zeros(style.shape[0], 0)
         if self.pose is None:
@@ -78,7 +80,8 @@ class ResidualEncoder(nn.Module):
     def __init__(self, config: ObjectClassConfig) -> None:
         super().__init__()
         self.trunk = build_trunk(config.encoder)
-        self.style = nn.Linear(self.trunk.features, config.style_features)
+        style = config.style_features
+        self.style = nn.Linear(self.trunk.features, style) if style else None
         pose = config.pose_features
         self.pose = nn.Linear(self.trunk.features, pose) if pose else None
 
@@ -87,7 +90,9 @@ class ResidualEncoder(nn.Module):
     ) -> tuple[Float[Tensor, "crops style"], Float[Tensor, "crops pose"]]:
         """Style and pose codes of crops in [0, 1] seen under the given views."""
         features = self.trunk(with_view(crops, view))
-        style = self.style(features).float()
+        style = features.new_zeros(len(features), 0).float()
+        if self.style is not None:
+            style = self.style(features).float()
         if self.pose is None:
             return style, style.new_zeros(style.shape[0], 0)
         return style, self.pose(features).float()

@@ -10,8 +10,12 @@ from pe_runtime.rendering.paper_renderer import PaperFeatureRenderer
 
 
 def build_feature_renderer(config: FeatureRendererConfig) -> nn.Module:
-    """F in the design that the configuration asks for; both take maps and give pictures."""
-    designs = {"light": FeatureRenderer, "paper": PaperFeatureRenderer}
+    """F in the design that the configuration asks for; all take maps and give pictures."""
+    designs = {
+        "light": FeatureRenderer,
+        "paper": PaperFeatureRenderer,
+        "direct": DirectRenderer,
+    }
     return designs[config.design](config)
 
 
@@ -77,6 +81,26 @@ class FeatureRenderer(nn.Module):
             coarse = _doubled(coarse)
         logits = self.picture(torch.relu(hidden)).float() + coarse.float()
         return torch.sigmoid(logits)
+
+
+class DirectRenderer(nn.Module):
+    """No ConvNet: the three integrated features of a pixel's ray are its colour (logits).
+
+    For the paper's ablation of F.
+
+    Args:
+        config: Strides and channels; one map of stride 1 and three channels.
+    """
+
+    def __init__(self, config: FeatureRendererConfig) -> None:
+        super().__init__()
+        self.config = config
+
+    def forward(
+        self, maps: list[Float[Tensor, "frames 3 height width"]]
+    ) -> Float[Tensor, "frames 3 height width"]:
+        """Squash the map into sRGB pictures in [0, 1]."""
+        return torch.sigmoid(maps[0].float())
 
 
 def _doubled(hidden: Tensor) -> Tensor:

@@ -149,7 +149,8 @@ def _value(step: Step, values: Sequence[Tensor], region: Region, dtype: torch.dt
     """A step's result in a region."""
     convolution = step.convolution
     if convolution is None:
-        return gathered(step.sources, values, region, 0, 0, torch.float32)
+        out = gathered(step.sources, values, region, 0, 0, torch.float32)
+        return _squashed(out) if step.after == "sigmoid" else out
     spare = convolution.spare(region.width)
     padded = gathered(step.sources, values, region, convolution.radius, spare, dtype)
     out = convolution(padded, region.width)
@@ -158,6 +159,10 @@ def _value(step: Step, values: Sequence[Tensor], region: Region, dtype: torch.dt
     if step.plus is not None:
         out.add_(_cells(values[step.plus][:, : convolution.channels], region))
     if step.after == "sigmoid":
-        # torch's sigmoid has other last bits at the end of a row of numbers than elsewhere.
-        return out.neg_().exp_().add_(1).reciprocal_()
+        return _squashed(out)
     return out.relu_() if step.after == "relu" else out
+
+
+def _squashed(logits: Tensor) -> Tensor:
+    # torch's sigmoid has other last bits at the end of a row of numbers than elsewhere.
+    return logits.neg().exp_().add_(1).reciprocal_()

@@ -7,7 +7,7 @@ import torch
 from torch import nn
 
 from pe_runtime.config import FeatureRendererConfig
-from pe_runtime.rendering.feature_renderer import FeatureRenderer
+from pe_runtime.rendering.feature_renderer import DirectRenderer, FeatureRenderer
 from pe_runtime.rendering.gathering import Source
 from pe_runtime.rendering.packed_convolution import PackedConvolution, packed
 from pe_runtime.rendering.paper_renderer import PaperFeatureRenderer
@@ -22,7 +22,7 @@ class Step:
 
     Attributes:
         sources: What it sees, side by side.
-        convolution: What it does to that; None where it is only doubled.
+        convolution: What it does to that; None where it is only doubled, or squashed.
         plus: Index of a value to add; of more channels than needed, the first count.
         after: What comes last: "relu", "sigmoid" or nothing.
     """
@@ -62,7 +62,7 @@ def prepared(renderer: nn.Module, dtype: torch.dtype = torch.float32) -> Prepare
         renderer: F in either design. Later changes of its weights do not reach the copy.
         dtype: In which to compute; float32, or bfloat16 with sums in float32.
     """
-    designs = {FeatureRenderer: _light, PaperFeatureRenderer: _paper}
+    designs = {FeatureRenderer: _light, PaperFeatureRenderer: _paper, DirectRenderer: _direct}
     writer = _Writer(len(renderer.config.strides), dtype)
     with torch.inference_mode():
         designs[type(renderer)](renderer, writer)
@@ -130,6 +130,10 @@ def _paper(renderer: PaperFeatureRenderer, writer: _Writer) -> None:
         risen = writer.convolve([_doubled(sources[0])], rise, activated=True)
         sources = [Source(risen, rise.out_channels)]
     writer.convolve(sources, renderer.picture, after="sigmoid")
+
+
+def _direct(renderer: DirectRenderer, writer: _Writer) -> None:
+    writer.add(Step((Source(0, renderer.config.features[0]),), after="sigmoid"))
 
 
 def _doubled(source: Source) -> Source:
