@@ -76,6 +76,19 @@ def load_checkpoint(
     return header, tensors
 
 
+def read_tensors(path: str | Path) -> dict[str, Tensor]:
+    """Tensors by name of a safetensors file of any origin, which needs no header.
+
+    Raises:
+        CheckpointError: No such file, or it is damaged.
+    """
+    try:
+        with safe_open(Path(path), framework="pt", device="cpu") as file:
+            return {name: file.get_tensor(name) for name in file.keys()}
+    except (SafetensorError, OSError, ValueError) as problem:
+        raise CheckpointError(f"{path} is missing or no safetensors file ({problem})") from problem
+
+
 def fit(module_tensors: Mapping[str, Tensor], tensors: Mapping[str, Tensor], what: str) -> None:
     """Check that stored weights fit a module; all misfits are named at once.
 

@@ -26,7 +26,7 @@ LAYERS = (
     ("kept_frames", "fair_threads"),
     ("admission", "environment"),
     ("shots", "mesh"),
-    ("training", "evaluation", "interop", "footage", "recording", "cluster"),
+    ("training", "evaluation", "interop", "footage", "recording", "cluster", "vgg"),
     ("benchmark", "worker", "demo", "play"),
     ("cli",),
 )
