@@ -1,6 +1,7 @@
 """A tiny world and a model that knows it: two coloured cards that walk on the ground.
 
-A card's grey is its pose; what the model draws is what the recorder wrote, up to 8 bits.
+A card's grey is its pose, its blue its style; what the model draws is what the recorder wrote, up
+to 8 bits.
 """
 
 import json
@@ -48,12 +49,23 @@ def boxes_of(positions, view):
 
 
 def draw(cards, view):
-    """Paint (position, grey) cards on the background."""
+    """Paint (position, grey, blue) cards on the background."""
     picture = np.full((HEIGHT, WIDTH, 3), BACKGROUND, dtype=np.float32)
-    for position, grey in cards:
-        left, top, right, bottom = (round(max(edge, 0)) for edge in box_of(position, view))
-        picture[top:bottom, left:right] = grey
+    for position, grey, blue in cards:
+        picture[covered(position, view)] = (grey, grey, blue)
     return picture
+
+
+def covered(position, view):
+    """Rows and columns of a card."""
+    left, top, right, bottom = (round(max(edge, 0)) for edge in box_of(position, view))
+    return slice(top, bottom), slice(left, right)
+
+
+def mask(position, view):
+    shown = np.zeros((HEIGHT, WIDTH), dtype=np.float32)
+    shown[covered(position, view)] = 1.0
+    return shown
 
 
 @dataclass
@@ -70,11 +82,11 @@ class ToyEnvironment:
         objects = {}
         for name, box in boxes.items():
             left, top, right, bottom = box
-            grey = image[round((top + bottom) / 2), round((left + right) / 2), 0]
+            grey, _, blue = image[round((top + bottom) / 2), round((left + right) / 2)]
             foot = np.array([(left + right) / 2, bottom, 1.0])
             ray = camera.world_from_camera[:3, :3] @ np.linalg.inv(camera.intrinsics) @ foot
             origin = camera.world_from_camera[:3, 3]
-            objects[name] = card(origin - ray * origin[2] / ray[2], grey)
+            objects[name] = card(origin - ray * origin[2] / ray[2], grey, blue)
         return EnvironmentState(objects)
 
     def step(self, state, actions, camera, memory=None):
@@ -97,17 +109,20 @@ class ToyEnvironment:
         distances = np.linalg.norm(seen[:, None] - STEPS[None], axis=-1)
         return distances.argmin(1)
 
-    def render(self, state, camera):
+    def render(self, state, camera, options=None):
+        places = {n: each.position.numpy().astype(float) for n, each in state.objects.items()}
         cards = [
-            (each.position.numpy().astype(float), float(each.pose[0]) * self.pose_is_drawn)
-            for each in state.objects.values()
+            (places[n], float(each.pose[0]) * self.pose_is_drawn, float(each.style[0]))
+            for n, each in state.objects.items()
         ]
-        return SimpleNamespace(rgb=draw(cards, camera))
+        names = options.masks if options is not None else ()
+        masks = {name: mask(places[name], camera) for name in names}
+        return SimpleNamespace(rgb=draw(cards, camera), masks=masks)
 
 
-def card(position, grey):
+def card(position, grey, blue):
     position = torch.tensor(np.asarray(position), dtype=torch.float32)
-    return ObjectState(position, torch.zeros(1), torch.tensor([float(grey)]))
+    return ObjectState(position, torch.tensor([float(blue)]), torch.tensor([float(grey)]))
 
 
 def record(root, sequences=4, views=2, frames=FRAMES, seed=0, absent=()):
@@ -128,6 +143,7 @@ def write_one(path, info, rng, frames, hidden):
     actions = rng.integers(0, len(STEPS), size=(frames - 1, len(PLAYERS)))
     positions = walk(actions, cameras[0])
     greys = 0.4 + 0.6 * rng.random((frames, len(PLAYERS)))
+    blues = 0.5 + 0.5 * rng.random(len(PLAYERS))
     boxes = np.array([[boxes_of(positions[t], row[t]) for t in range(frames)] for row in cameras])
     present = np.ones(boxes.shape[:3], dtype=bool)
     for frame, player in hidden:
@@ -136,7 +152,7 @@ def write_one(path, info, rng, frames, hidden):
     for v, row in enumerate(cameras):
         for t, view in enumerate(row):
             seen = np.flatnonzero(present[v, t])
-            cards = [(positions[t, player], greys[t, player]) for player in seen]
+            cards = [(positions[t, player], greys[t, player], blues[player]) for player in seen]
             file = path / "frames" / str(v) / f"{t:04d}.png"
             file.parent.mkdir(parents=True, exist_ok=True)
             write_png(file, draw(cards, view))

@@ -9,6 +9,8 @@ from jaxtyping import Float, Int
 from pe_runtime.action.movement import ground_axes, movements
 
 MOST_NEIGHBOURS = 15
+SLOWEST_WALK = 0.1
+"""Metres per step below which an action's mean movement is no walking."""
 
 
 def camera_relative_movements(
@@ -73,6 +75,76 @@ def delta_accuracy(
         for known in (even, ~even)
     ]
     return 100.0 * float(np.concatenate(hits).mean())
+
+
+def with_standing_merged(
+    moves: Float[np.ndarray, "samples axes"],
+    actions: Int[np.ndarray, " samples"],
+    slowest: float = SLOWEST_WALK,
+) -> Int[np.ndarray, " samples"]:
+    """Actions by which nobody walks, as one: they cannot be told apart by movement.
+
+    Args:
+        moves: Metres per step.
+        actions: The action that goes with each.
+        slowest: An action whose mean movement is shorter than this counts as standing.
+    """
+    standing = standing_actions(moves, actions, slowest)
+    return np.where(np.isin(actions, standing), min(standing, default=0), actions)
+
+
+def standing_actions(
+    moves: Float[np.ndarray, "samples axes"],
+    actions: Int[np.ndarray, " samples"],
+    slowest: float = SLOWEST_WALK,
+) -> list[int]:
+    """The actions whose mean movement is shorter than the slowest walk."""
+    every = np.unique(actions).tolist()
+    return [a for a in every if np.linalg.norm(moves[actions == a].mean(0)) < slowest]
+
+
+def standing_accuracy(
+    moves: Float[np.ndarray, "samples axes"],
+    inferred: Int[np.ndarray, " samples"],
+    true: Int[np.ndarray, " samples"],
+    sequence: Int[np.ndarray, " samples"],
+) -> float:
+    """Balanced accuracy in percent of telling the true standing actions apart by inferred ones.
+
+    Which true action an inferred one means is the majority on the other half of the sequences
+    (even for odd and the reverse), each true action counting the same in all. Movement cannot help
+    here: only the pose tells an idle player from one who raises an arm.
+
+    Args:
+        moves: Metres per step.
+        inferred: What the model read off the pictures.
+        true: What the recorder carried out.
+        sequence: Number of the sequence each was taken from.
+
+    Returns:
+        Mean of the recalls; NaN with fewer than two standing actions, or if one of them is not
+        among the even and among the odd sequences. Chance is 100 over their number.
+    """
+    classes = standing_actions(moves, true)
+    even = sequence % 2 == 0
+    halves = [(classes_in(true[half], classes), half) for half in (even, ~even)]
+    if len(classes) < 2 or any(found != classes for found, _ in halves):
+        return math.nan
+    guesses = np.full(true.shape, -1)
+    for known, asked in ((even, ~even), (~even, even)):
+        # Shares of each true action, so that a frequent one does not take every label.
+        shares = {
+            label: [np.mean(inferred[known & (true == c)] == label) for c in classes]
+            for label in np.unique(inferred).tolist()
+        }
+        for label, each in shares.items():
+            guesses[asked & (inferred == label)] = classes[int(np.argmax(each))]
+    return 100.0 * float(np.mean([(guesses[true == c] == c).mean() for c in classes]))
+
+
+def classes_in(labels: Int[np.ndarray, " samples"], classes: list[int]) -> list[int]:
+    """Those of the classes that occur among the labels."""
+    return [each for each in classes if (labels == each).any()]
 
 
 def normalised_mutual_information(

@@ -1,50 +1,28 @@
 """What one recorded sequence says about a model: its pictures and its players' tracks."""
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.episode import Episode
+from pe_runtime.evaluation.exchange import Donor, exchange_figures
 from pe_runtime.evaluation.motion import camera_relative_movements, position_errors
-from pe_runtime.evaluation.visual import box_mask, psnr, ssim
-from pe_runtime.images import read_image
-from pe_runtime.state import EnvironmentState, repose
-
-RECORDED_VIEW, NOVEL_VIEW = 0, 1
-
-
-@runtime_checkable
-class Evaluated(Protocol):
-    """What is asked of a model; `PlayableEnvironment` has it."""
-
-    playable_names: tuple[str, ...]
-    actions: Mapping[str, Any]  # by class of object; empty before the second training phase
-
-    def encode(
-        self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Sequence[float]]
-    ) -> EnvironmentState:
-        """See `PlayableEnvironment.encode`."""
-
-    def step(
-        self,
-        state: EnvironmentState,
-        actions: Mapping[str, int],
-        camera: Camera,
-        memory: Any = None,  # noqa: ANN401 the model's own
-    ) -> tuple[EnvironmentState, Any]:
-        """See `PlayableEnvironment.step`."""
-
-    def infer_actions(
-        self, states: Sequence[EnvironmentState], cameras: Sequence[Camera]
-    ) -> dict[str, np.ndarray]:
-        """See `PlayableEnvironment.infer_actions`."""
-
-    def render(self, state: EnvironmentState, camera: Camera) -> Any:  # noqa: ANN401 a Frame
-        """See `PlayableEnvironment.render`."""
+from pe_runtime.evaluation.poses import pose_figures
+from pe_runtime.evaluation.subject import (
+    NOVEL_VIEW,
+    RECORDED_VIEW,
+    Evaluated,
+    cameras_of,
+    can_be_followed,
+    encoded,
+    mean_told,
+    picture_of,
+    positions_of,
+    roll_out,
+)
+from pe_runtime.evaluation.visual import psnr, ssim
+from pe_runtime.state import EnvironmentState
 
 
 @dataclass(frozen=True)
@@ -86,7 +64,9 @@ class Measured:
     tracks: dict[str, Track]
 
 
-def measure(environment: Evaluated, episode: Episode, number: int, every: int) -> Measured:
+def measure(
+    environment: Evaluated, episode: Episode, number: int, every: int, other: Episode | None = None
+) -> Measured:
     """Encode every frame, draw each n-th, follow the players.
 
     Args:
@@ -94,70 +74,45 @@ def measure(environment: Evaluated, episode: Episode, number: int, every: int) -
         episode: The sequence.
         number: Its position in the data set.
         every: Draw each so many frames.
+        other: Another sequence, whose poses and styles are tried on; None leaves that out.
     """
     frames = episode.arrays.frames
-    states = [_encode(environment, episode, frame) for frame in range(frames)]
-    drawn = [_draw(environment, episode, states, frame) for frame in range(0, frames, every)]
-    visual = {key: mean_told([each[key] for each in drawn]) for key in drawn[0]}
-    in_view = bool(episode.arrays.present[RECORDED_VIEW].all())
-    followed = frames > 1 and in_view and bool(environment.actions)
-    tracks = _follow(environment, episode, states) if followed else {}
+    states = [encoded(environment, episode, frame) for frame in range(frames)]
+    drawn = [_figures(environment, episode, states, frame) for frame in range(0, frames, every)]
+    if other is not None:
+        donor = Donor(environment, other)
+        # Half as often: it takes four frames to draw where the others take one.
+        for index in range(0, len(drawn), 2):
+            at = index * every
+            drawn[index] |= exchange_figures(environment, episode, states[at], at, donor)
+    keys = dict.fromkeys(key for each in drawn for key in each)
+    visual = {key: mean_told([each[key] for each in drawn if key in each]) for key in keys}
+    tracks = {}
+    if can_be_followed(environment, episode):
+        tracks = _follow(environment, episode, states)
     return Measured(number, visual, len(drawn), tracks)
 
 
-def _encode(environment: Evaluated, episode: Episode, frame: int) -> EnvironmentState:
-    picture = read_image(episode.frame_path(RECORDED_VIEW, frame))
-    camera = episode.camera(RECORDED_VIEW, frame)
-    return environment.encode(picture, camera, _boxes(episode, frame))
-
-
-def _boxes(episode: Episode, frame: int) -> dict[str, tuple[float, ...]]:
-    """Boxes of the players that are in the recorded view, by name."""
-    present = episode.arrays.present[RECORDED_VIEW, frame]
-    boxes = episode.arrays.boxes[RECORDED_VIEW, frame].tolist()
-    return {
-        name: tuple(box)
-        for name, box, seen in zip(episode.info.objects, boxes, present, strict=True)
-        if seen
-    }
-
-
-def _draw(
+def _figures(
     environment: Evaluated, episode: Episode, states: Sequence[EnvironmentState], frame: int
 ) -> dict[str, float]:
     """Visual figures of one frame."""
+    reference = picture_of(episode, RECORDED_VIEW, frame)
     state, camera = states[frame], episode.camera(RECORDED_VIEW, frame)
-    reference = read_image(episode.frame_path(RECORDED_VIEW, frame))
-    boxes = _boxes(episode, frame)
-    mask = box_mask(list(boxes.values()), *reference.shape[:2])
-    # Half a sequence away: the frame whose pose has the least to do with this one's.
-    other = (frame + len(states) // 2) % len(states)
-    swapped = _with_poses(state, states[other], boxes.keys() & _boxes(episode, other).keys())
-    own_picture = environment.render(state, camera).rgb
-    other_picture = environment.render(swapped, camera).rgb
-    own, others = psnr(own_picture, reference, mask), psnr(other_picture, reference, mask)
+    picture = environment.render(state, camera).rgb
     figures = {
-        "reconstruction_psnr": psnr(own_picture, reference),
-        "reconstruction_ssim": ssim(own_picture, reference),
-        "box_psnr_own_pose": own,
-        "box_psnr_other_pose": others,
-        "box_psnr_pose_gap": own - others,
+        "reconstruction_psnr": psnr(picture, reference),
+        "reconstruction_ssim": ssim(picture, reference),
     }
     if episode.arrays.views > NOVEL_VIEW:
-        novel = read_image(episode.frame_path(NOVEL_VIEW, frame))
+        novel = picture_of(episode, NOVEL_VIEW, frame)
         view = environment.render(state, episode.camera(NOVEL_VIEW, frame)).rgb
         figures["novel_view_psnr"] = psnr(view, novel)
         figures["novel_view_ssim"] = ssim(view, novel)
         figures["novel_view_drop"] = figures["reconstruction_psnr"] - psnr(view, novel)
+    if environment.playable_names:
+        figures |= pose_figures(environment, episode, states, frame, picture)
     return figures
-
-
-def _with_poses(
-    state: EnvironmentState, source: EnvironmentState, names: set[str]
-) -> EnvironmentState:
-    for name in sorted(names):
-        state = repose(state, name, source[name].pose)
-    return state
 
 
 def _follow(
@@ -165,13 +120,13 @@ def _follow(
 ) -> dict[str, Track]:
     """Motion of every player in a sequence that shows all of them all the time."""
     arrays, names = episode.arrays, episode.info.objects
-    cameras = [episode.camera(RECORDED_VIEW, frame) for frame in range(arrays.frames)]
+    cameras = cameras_of(episode)
     inferred = environment.infer_actions(states, cameras)
     moves = camera_relative_movements(arrays.positions, arrays.world_from_camera[RECORDED_VIEW])
-    encoded = _positions(states, names)
-    played = _positions(_roll_out(environment, states[0], inferred, cameras), names)
-    still = np.broadcast_to(encoded[:1], encoded.shape)
-    errors = [position_errors(each, arrays.positions) for each in (encoded, played, still)]
+    seen = positions_of(states, names)
+    played = positions_of(roll_out(environment, states[0], inferred, cameras), names)
+    still = np.broadcast_to(seen[:1], seen.shape)
+    errors = [position_errors(each, arrays.positions) for each in (seen, played, still)]
     return {
         name: Track(
             moves[:, index],
@@ -181,30 +136,3 @@ def _follow(
         )
         for index, name in enumerate(names)
     }
-
-
-def _roll_out(
-    environment: Evaluated,
-    start: EnvironmentState,
-    actions: Mapping[str, np.ndarray],
-    cameras: Sequence[Camera],
-) -> list[EnvironmentState]:
-    """The start and the states that follow when the actions are played along the cameras."""
-    states, memory = [start], None
-    for step, camera in enumerate(cameras[:-1]):
-        chosen = {name: int(track[step]) for name, track in actions.items()}
-        state, memory = environment.step(states[-1], chosen, camera, memory)
-        states.append(state)
-    return states
-
-
-def _positions(states: Sequence[EnvironmentState], names: Sequence[str]) -> np.ndarray:
-    """(time, objects, 3) float64 metres."""
-    rows = [[state[name].position.detach().cpu().numpy() for name in names] for state in states]
-    return np.array(rows, dtype=np.float64).reshape(len(states), len(names), 3)
-
-
-def mean_told(values: Sequence[float]) -> float:
-    """Mean of the values that could be told; NaN if none could."""
-    told = [float(value) for value in values if not math.isnan(value)]
-    return sum(told) / len(told) if told else math.nan

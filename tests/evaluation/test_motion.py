@@ -12,6 +12,9 @@ from pe_runtime.evaluation.motion import (
     delta_mse,
     normalised_mutual_information,
     position_errors,
+    standing_accuracy,
+    standing_actions,
+    with_standing_merged,
 )
 
 MOVES = np.array([[0.0, 0.0], [0.0, 2.0], [4.0, 0.0], [4.0, 2.0]])
@@ -111,3 +114,44 @@ def test_each_movement_is_seen_by_the_camera_of_its_first_frame():
     positions = np.array([[0.0, 0, 0], [1.0, 0, 0], [2.0, 0, 0], [2.0, 0, 0]])[:, None]
     moves = camera_relative_movements(positions, cameras)
     np.testing.assert_allclose(moves[:, 0], [[1, 0], [0, -1], [0, 0]], atol=1e-12)
+
+
+def test_standing_actions_are_merged_and_walking_ones_are_not():
+    moves = np.array([[0.0, 0.01], [0.3, 0.0], [0.02, 0.0], [0.0, -0.3]])
+    actions = np.array([4, 1, 2, 0])
+    assert standing_actions(moves, actions) == [2, 4]
+    assert with_standing_merged(moves, actions).tolist() == [2, 1, 2, 0]
+
+
+def test_merged_standing_actions_can_be_told_from_movements_that_do_not_tell_them_apart():
+    rng = np.random.default_rng(3)
+    actions = rng.integers(0, 3, 300)
+    moves = np.array([[0.0, 0], [0, 0], [0.3, 0]])[actions] + rng.normal(0, 0.01, (300, 2))
+    sequence = np.arange(300) // 10
+    assert delta_accuracy(moves, actions, sequence) < 85
+    assert delta_accuracy(moves, with_standing_merged(moves, actions), sequence) == 100
+
+
+def standing(inferred_of):
+    """True actions 0 (idle), 1 (arm), 2 (walk) over ten sequences, idle three times as often."""
+    true = np.tile([0, 0, 0, 1, 2], 20)
+    moves = np.array([[0.0, 0], [0, 0], [0.3, 0]])[true]
+    inferred = np.array([inferred_of(t, i) for i, t in enumerate(true)])
+    return standing_accuracy(moves, inferred, true, np.arange(100) // 10)
+
+
+def test_standing_actions_with_names_of_their_own_are_told_apart():
+    assert standing(lambda true, index: 7 - true) == 100.0
+
+
+def test_standing_actions_that_share_one_name_are_told_apart_by_guessing_only():
+    assert standing(lambda true, index: 5 * (true == 2)) == 50.0
+
+
+def test_two_names_for_the_same_standing_action_do_no_harm():
+    assert standing(lambda true, index: 9 + index % 2 if true == 0 else true) == 100.0
+
+
+def test_one_way_of_standing_leaves_nothing_to_tell_apart():
+    true, moves = np.zeros(40, dtype=int), np.zeros((40, 2))
+    assert math.isnan(standing_accuracy(moves, true, true, np.arange(40) // 10))

@@ -49,8 +49,12 @@ def test_a_model_that_makes_no_mistake_gets_the_best_figures(report):
 
 
 def test_every_figure_is_measured_and_has_a_unit_and_an_interval(report):
+    # The toy's players have one way of standing: there is nothing to tell apart.
     assert list(report["figures"]) == list(FIGURES)
-    for figure in report["figures"].values():
+    told = dict(report["figures"])
+    lone = told.pop("standing_accuracy")
+    assert math.isnan(lone["value"])
+    for figure in told.values():
         assert figure["low"] <= figure["value"] <= figure["high"]
         assert figure["sequences"] == 8
         assert "unit" in figure
@@ -66,6 +70,37 @@ def test_the_pose_of_another_frame_costs_a_model_that_draws_poses(report):
 def test_a_model_that_ignores_poses_shows_no_gap(recordings):
     blind = evaluate(ToyEnvironment(pose_is_drawn=False), recordings)
     assert value(blind, "box_psnr_pose_gap") == 0
+
+
+def test_poses_and_styles_of_another_sequence_show_and_leave_the_cards_where_they_are(report):
+    assert value(report, "other_sequence_pose_psnr_gap") > 10
+    assert value(report, "other_sequence_pose_change") > 5
+    assert value(report, "style_swap_colour") > 2
+    assert value(report, "style_swap_iou") == 1
+    assert value(report, "other_sequence_pose_iou") == 1
+
+
+def test_a_single_sequence_has_no_other_to_borrow_from(tmp_path):
+    report = evaluate(ToyEnvironment(), record(tmp_path, sequences=1))
+    assert "style_swap_iou" not in report["figures"]
+    assert value(report, "box_psnr_pose_gap") > 10
+
+
+def test_a_model_without_fields_has_no_shift_to_take_out_of_its_poses(report):
+    gap = value(report, "box_psnr_pose_gap")
+    assert value(report, "box_psnr_articulation_gap") == pytest.approx(gap)
+
+
+def test_a_model_without_players_is_measured_by_its_pictures(recordings):
+    report = evaluate(ToyEnvironment(playable_names=(), actions={}), recordings)
+    assert set(report["figures"]) == {
+        "reconstruction_psnr",
+        "reconstruction_ssim",
+        "novel_view_psnr",
+        "novel_view_ssim",
+        "novel_view_drop",
+    }
+    assert value(report, "reconstruction_psnr") < 30
 
 
 def test_standing_still_is_measured_against_the_true_walk(report, recordings):
@@ -121,6 +156,7 @@ def test_sequences_that_lose_a_player_are_drawn_but_not_followed(tmp_path):
 def test_sequences_of_a_single_frame_have_no_motion(tmp_path):
     report = evaluate(ToyEnvironment(), record(tmp_path, sequences=2, frames=1))
     assert report["moving_sequences"] == 0
+    assert "delta_mse" not in report["figures"]
     assert value(report, "box_psnr_pose_gap") == 0
 
 
@@ -145,7 +181,10 @@ def test_a_data_set_of_other_players_is_refused_by_name(recordings):
 
 
 def test_the_report_is_json_and_a_table(report):
-    assert json.loads(as_json(report)) == plain(report)
+    told = {n: f for n, f in report["figures"].items() if not math.isnan(f["value"])}
+    stored = json.loads(as_json(report))
+    assert stored["figures"].pop("standing_accuracy")["value"] is None
+    assert stored == plain(report | {"figures": told})
     console = Console(width=120, record=True, file=io.StringIO())
     console.print(as_table(report))
     text = console.export_text()
