@@ -3,14 +3,16 @@
 import dataclasses
 import json
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from pe_runtime.cli.option_groups import grouped
 from pe_runtime.cli.pictures import DEFAULT_MODEL, Model
-from pe_runtime.cli.terminal import device, note, progress, shared, show
+from pe_runtime.cli.terminal import device, progress, shared, show
+from pe_runtime.cli.watching import watching
+from pe_runtime.contract.errors import ConfigError
 
 app = typer.Typer(help="Train a model: first what it sees, then what it can do.")
 Config = Annotated[Path, typer.Option(help="TOML with the sections model, synthesis, actions.")]
@@ -18,32 +20,50 @@ Data = Annotated[Path, typer.Option(help="Data set to train on.")]
 Output = Annotated[Path, typer.Option("--out", "-o", help="Run folder.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on from the run's checkpoint.")]
 Steps = Annotated[int | None, typer.Option(min=1, help="Instead of the configured number.")]
+Watch = Annotated[bool, typer.Option("--watch", help="A live line instead of a log.")]
+
+
+@dataclasses.dataclass(frozen=True)
+class SynthesisChoices:
+    """The options of `pe train synthesis` that say how it is run."""
+
+    val: Annotated[Path | None, typer.Option(help="Held-out data set for measurements.")] = None
+    resume: Resume = False
+    minutes: Annotated[float | None, typer.Option(help="Wall-clock limit.")] = None
+    steps: Steps = None
+    vgg: Annotated[
+        Path | None, typer.Option(help="Weights of VGG16 or VGG19 for the perceptual loss.")
+    ] = None
+    watch: Watch = False
 
 
 @app.command()
 @shared
-def synthesis(
-    config: Config,
-    data: Data,
-    output: Output,
-    val: Annotated[Path | None, typer.Option(help="Held-out data set for measurements.")] = None,
-    resume: Resume = False,
-    minutes: Annotated[float | None, typer.Option(help="Wall-clock limit.")] = None,
-    steps: Steps = None,
-) -> None:
-    """Train encoder, fields and feature renderer; writes OUTPUT/synthesis.safetensors."""
+@grouped
+def synthesis(config: Config, data: Data, output: Output, chosen: SynthesisChoices) -> None:
+    """Train encoder, fields and feature renderer; writes OUTPUT/synthesis.safetensors.
+
+    `torchrun --nproc-per-node N -m pe_runtime.cli train synthesis ...` trains with N processes,
+    each with a batch as configured.
+    """
     _let_threads_sleep()
     from pe_runtime.config import ModelConfig, SynthesisConfig, read_toml
     from pe_runtime.dataset import load_clips
-    from pe_runtime.training.synthesis_phase import train_synthesis
+    from pe_runtime.training.processes import joined
+    from pe_runtime.training.synthesis_run import RunOptions, train_synthesis
 
     model = read_toml(config, "model", ModelConfig)
     training = read_toml(config, "synthesis", SynthesisConfig)
-    if steps is not None:
-        training = dataclasses.replace(training, steps=steps)
-    clips = load_clips(data), load_clips(val) if val else None
-    train_synthesis((model, training), clips, output, minutes, resume, on_log=_log)
-    show({"model": str(output / "synthesis.safetensors")})
+    changes = {} if chosen.steps is None else {"steps": chosen.steps}
+    if chosen.vgg is not None:
+        changes |= {"perceptual": "vgg", "perceptual_weights": str(chosen.vgg)}
+    training = dataclasses.replace(training, **changes)
+    clips = load_clips(data), load_clips(chosen.val) if chosen.val else None
+    with joined() as team, watching(chosen.watch and team.leads) as told:
+        options = RunOptions(chosen.minutes, chosen.resume, None, device(), *told)
+        train_synthesis((model, training), clips, output, options)
+    if team.leads:
+        show({"model": str(output / "synthesis.safetensors")})
 
 
 @app.command()
@@ -55,9 +75,14 @@ def actions(
     output: Output,
     resume: Resume = False,
     steps: Steps = None,
+    watch: Watch = False,
 ) -> None:
     """Learn the actions of a trained model's players; writes OUTPUT/model.safetensors."""
     _let_threads_sleep()
+    if int(os.environ.get("WORLD_SIZE", "1")) > 1:
+        raise ConfigError(
+            "actions are learnt in one process, in minutes; start it without torchrun"
+        )
     from pe_runtime.config import read_toml
     from pe_runtime.dataset import load_clips
     from pe_runtime.training.action_config import ActionTrainingConfig
@@ -66,7 +91,8 @@ def actions(
     training = read_toml(config, "actions", ActionTrainingConfig)
     if steps is not None:
         training = dataclasses.replace(training, steps=steps)
-    file = train_model_actions(checkpoint, load_clips(data), training, output, resume, _log)
+    with watching(watch) as told:
+        file = train_model_actions(checkpoint, load_clips(data), training, output, resume, *told)
     show({"model": str(file)})
 
 
@@ -95,7 +121,3 @@ def _let_threads_sleep() -> None:
     minds its threads itself (`fair_threads`); waking them would take longer than spinning.
     """
     os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
-
-
-def _log(step: int, figures: Mapping[str, float]) -> None:
-    note(f"step {step}: " + ", ".join(f"{name} {value:.4g}" for name, value in figures.items()))

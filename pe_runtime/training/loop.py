@@ -5,30 +5,58 @@ resumes. Randomness is seeded anew from the step's number, so a resumed run repe
 that an uninterrupted one would have made.
 """
 
-import contextlib
-import json
 import math
-import signal
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Protocol, runtime_checkable
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
-from pe_runtime.checkpoint import load_checkpoint, save_checkpoint
-from pe_runtime.contract.errors import CheckpointError, PlayableEnvironmentError
+from pe_runtime.contract.errors import PlayableEnvironmentError
+from pe_runtime.training.interruption import finishing_on_signal
+from pe_runtime.training.processes import Log, Team
+from pe_runtime.training.run_folder import CHECKPOINT, CURVES, METRICS, SAMPLES, RunFolder
 
-Log = dict[str, float]
-CHECKPOINT = "checkpoint.safetensors"
-METRICS = "metrics.jsonl"
+__all__ = [
+    "CHECKPOINT",
+    "CURVES",
+    "METRICS",
+    "SAMPLES",
+    "BrokenStepError",
+    "Log",
+    "Moment",
+    "Phase",
+    "Pictured",
+    "Schedule",
+    "TrainingError",
+    "learning_rate_share",
+    "optimiser_tensors",
+    "restore_optimiser",
+    "run",
+]
+STAIRS = 30
+"""Steps in which the release of 2022 lowers its learning rates: 300,000 / 10,000."""
 
 
 class TrainingError(PlayableEnvironmentError):
     """Training cannot go on: the loss is not finite, or another run's folder is in the way."""
+
+
+class BrokenStepError(PlayableEnvironmentError):
+    """A step whose loss or gradient is not finite, found before it changed a weight.
+
+    Args:
+        figures: What the step measured.
+        evidence: Its batch, to be stored.
+    """
+
+    def __init__(self, figures: Log, evidence: Mapping[str, Tensor]) -> None:
+        super().__init__(f"{', '.join(_not_finite(figures))} is not finite")
+        self.figures, self.evidence = figures, evidence
 
 
 @runtime_checkable
@@ -36,16 +64,27 @@ class Phase(Protocol):
     """What the loop trains."""
 
     def step(self, progress: float) -> Log:
-        """Make one optimisation step at a point of the schedule in [0, 1); returns figures."""
+        """Make one optimisation step at a point of the schedule in [0, 1); returns figures.
+
+        All processes of a team return the same figures.
+        """
 
     def evaluate(self) -> Log:
-        """Measure on held-out data; may return nothing."""
+        """Measure on held-out data; may return nothing. Only the leader of a team is asked."""
 
     def tensors(self) -> dict[str, Tensor]:
         """Everything that a resumed run needs: weights, optimiser, running statistics."""
 
     def restore(self, tensors: Mapping[str, Tensor]) -> None:
         """Take back what `tensors` gave."""
+
+
+@runtime_checkable
+class Pictured(Protocol):
+    """A phase that can show what it measured."""
+
+    def sheet(self) -> Float[Tensor, "rows columns 3"] | None:
+        """A picture in [0, 1] of the last measurement."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +107,33 @@ class Schedule:
     checkpoint_every: int = 250
     seed: int = 0
 
+    def progress(self, step: int, elapsed: float) -> float:
+        """Where in the schedule a run is, 1 at its end.
+
+        Args:
+            step: Steps made.
+            elapsed: Seconds spent.
+        """
+        share = step / self.steps if self.steps else 1.0
+        return max(share, elapsed / (60 * self.minutes)) if self.minutes else share
+
+
+@dataclass(frozen=True)
+class Moment:
+    """Where a run is after a step.
+
+    Attributes:
+        step: Steps made.
+        steps: Steps to be made, unless the time ends first.
+        progress: Share of the schedule, in [0, 1] or a little over.
+        figures: Of the step alone.
+    """
+
+    step: int
+    steps: int
+    progress: float
+    figures: Log
+
 
 def run(
     phase: Phase,
@@ -75,15 +141,21 @@ def run(
     schedule: Schedule,
     resume: bool = False,
     on_log: Callable[[int, Log], None] | None = None,
+    on_step: Callable[[Moment], None] | None = None,
 ) -> int:
     """Train a phase; Ctrl-C or SIGTERM ends it after the current step, saved.
 
+    Under `torchrun` every process calls this; a signal at any of them ends all, and only the first
+    writes and tells.
+
     Args:
         phase: What is trained.
-        output: Run folder: checkpoint.safetensors and metrics.jsonl (one JSON object a line).
+        output: Run folder: checkpoint.safetensors, metrics.jsonl (one JSON object a line),
+            curves.png and, of phases that have them, samples.
         schedule: Length and rhythm.
         resume: Go on from the folder's checkpoint.
         on_log: Called with the step and its figures whenever a line is logged.
+        on_step: Called after every step.
 
     Returns:
         The number of steps made in all.
@@ -93,38 +165,59 @@ def run(
             another run.
         CheckpointError: `resume` without a checkpoint.
     """
-    output = Path(output)
-    output.mkdir(parents=True, exist_ok=True)
-    if not resume and (output / CHECKPOINT).exists():
+    team = Team.current()
+    folder = RunFolder(output, team.leads)
+    if not resume and folder.in_use:
         raise TrainingError(
             f"{output} holds another run; go on with it (resume), or give another folder"
         )
-    step, spent = _resumed(phase, output) if resume else (0, 0.0)
-    started = time.monotonic() - spent
+    step, elapsed = _resumed(phase, folder) if resume else (0, 0.0)
+    team.wait()
+    started = time.monotonic() - elapsed
     since: list[Log] = []
-    with _finishing_on_signal() as wish:
-        while step < schedule.steps and not wish.is_set():
-            elapsed = time.monotonic() - started
-            progress = step / schedule.steps
-            if schedule.minutes:
-                progress = max(progress, elapsed / (60 * schedule.minutes))
-            if progress >= 1:
+    with finishing_on_signal() as wish:
+        while step < schedule.steps:
+            # Clocks and signals differ between processes; what they do next must not.
+            stop, progress = team.largest(float(wish.is_set()), schedule.progress(step, elapsed))
+            if stop or progress >= 1:
                 break
             torch.manual_seed(schedule.seed * 1_000_003 + step)
-            figures = phase.step(progress)
-            _must_be_finite(figures, step, output)
-            since.append(figures)
+            since.append(_checked_step(phase, progress, (step, schedule.seed), folder))
             step += 1
-            _pause(phase, output, schedule, (step, elapsed, since), on_log)
-    _save(phase, output, step, time.monotonic() - started)
+            elapsed = time.monotonic() - started
+            if team.leads:
+                if on_step:
+                    now = schedule.progress(step, elapsed)
+                    on_step(Moment(step, schedule.steps, now, since[-1]))
+                _pause(phase, folder, schedule, (step, elapsed, since), on_log)
+    folder.save(phase.tensors(), step, elapsed)
+    folder.draw_curves()
+    team.wait()
     return step
 
 
-def learning_rate_share(progress: float, warmup: float = 0.0) -> float:
-    """Linear warm-up, then a half cosine down to zero."""
+def learning_rate_share(
+    progress: float, warmup: float = 0.0, rates: str = "cosine", last: float = 0.1
+) -> float:
+    """Share of the learning rate at a point of the training.
+
+    Args:
+        progress: The point, in [0, 1].
+        warmup: Share of the training over which it rises linearly.
+        rates: How it goes on: a half "cosine" down to zero, "exponential" to `last`, the same in
+            "stairs", or "constant".
+        last: Where "exponential" and "stairs" end.
+    """
     if progress < warmup:
         return (progress + 1e-9) / warmup
-    return 0.5 * (1 + math.cos(math.pi * (progress - warmup) / (1 - warmup)))
+    done = (progress - warmup) / (1 - warmup) if warmup < 1 else 1.0
+    if rates == "constant":
+        return 1.0
+    if rates == "exponential":
+        return last**done
+    if rates == "stairs":
+        return last ** (math.floor(done * STAIRS + 1e-9) / STAIRS)
+    return 0.5 * (1 + math.cos(math.pi * done))
 
 
 def optimiser_tensors(optimiser: torch.optim.Optimizer, prefix: str) -> dict[str, Tensor]:
@@ -150,37 +243,46 @@ def restore_optimiser(
     optimiser.load_state_dict({"state": state, "param_groups": groups})
 
 
-@contextlib.contextmanager
-def _finishing_on_signal() -> Iterator[threading.Event]:
-    """Turn Ctrl-C and SIGTERM into a wish to stop after the current step; twice means at once.
+def _checked_step(phase: Phase, progress: float, which: tuple[int, int], folder: RunFolder) -> Log:
+    """One step, whose figures are finite.
 
-    A step that is broken off in the middle would leave weights that no resumed run can repeat.
-    Only the main thread may handle signals; elsewhere the event is simply never set.
+    Args:
+        phase: What is trained.
+        progress: Point of the schedule.
+        which: Number of the step, and the run's seed.
+        folder: Where the batch goes if it breaks the run.
     """
-    wish = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield wish
-        return
-    signals = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.getsignal(number) for number in signals}
-
-    def remember(number: int, frame: object) -> None:
-        if wish.is_set():
-            raise KeyboardInterrupt
-        wish.set()
-
-    for number in signals:
-        signal.signal(number, remember)
+    step, seed = which
     try:
-        yield wish
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        figures = phase.step(progress)
+    except BrokenStepError as broken:
+        told = {name: str(value) for name, value in broken.figures.items()}
+        facts = {"seed": seed, "progress": progress, "figures": told}
+        path = folder.keep_evidence(broken.evidence, step, facts)
+        raise TrainingError(
+            f"step {step}: {broken}. Its batch is in {path}, and it has not touched the weights. "
+            + _advice(folder)
+        ) from broken
+    bad = _not_finite(figures)
+    if bad:
+        raise TrainingError(f"step {step}: {', '.join(bad)} is not finite. {_advice(folder)}")
+    return figures
+
+
+def _advice(folder: RunFolder) -> str:
+    return (
+        f"The last checkpoint in {folder.path} is from before; resume it with a lower learning "
+        "rate or another seed."
+    )
+
+
+def _not_finite(figures: Log) -> list[str]:
+    return [name for name, value in figures.items() if not math.isfinite(value)]
 
 
 def _pause(
     phase: Phase,
-    output: Path,
+    folder: RunFolder,
     schedule: Schedule,
     now: tuple[int, float, list[Log]],
     on_log: Callable[[int, Log], None] | None,
@@ -191,35 +293,23 @@ def _pause(
     if step % schedule.log_every == 0 or step == schedule.steps:
         figures = {k: sum(f[k] for f in since) / len(since) for k in since[-1]}
         since.clear()
-    if schedule.evaluate_every and step % schedule.evaluate_every == 0:
+    measured = schedule.evaluate_every and step % schedule.evaluate_every == 0
+    if measured:
         figures |= phase.evaluate()
     if figures:
         figures["minutes"] = elapsed / 60
-        with (output / METRICS).open("a") as lines:
-            lines.write(json.dumps({"step": step, **figures}) + "\n")
+        folder.note(step, figures)
         if on_log:
             on_log(step, figures)
+    if measured:
+        folder.show(step, phase.sheet() if isinstance(phase, Pictured) else None)
+        folder.draw_curves()
     if step % schedule.checkpoint_every == 0:
-        _save(phase, output, step, elapsed)
+        folder.save(phase.tensors(), step, elapsed)
 
 
-def _save(phase: Phase, output: Path, step: int, spent: float) -> None:
-    header: dict[str, Any] = {"kind": "training", "step": step, "spent": spent}
-    save_checkpoint(output / CHECKPOINT, phase.tensors(), header)
-
-
-def _resumed(phase: Phase, output: Path) -> tuple[int, float]:
-    header, tensors = load_checkpoint(output / CHECKPOINT)
-    if header.get("kind") != "training":
-        raise CheckpointError(f"{output / CHECKPOINT} is a model, not the state of a training run")
+def _resumed(phase: Phase, folder: RunFolder) -> tuple[int, float]:
+    tensors, step, spent = folder.load()
     phase.restore(tensors)
-    return int(header["step"]), float(header["spent"])
-
-
-def _must_be_finite(figures: Log, step: int, output: Path) -> None:
-    bad = [name for name, value in figures.items() if not math.isfinite(value)]
-    if bad:
-        raise TrainingError(
-            f"step {step}: {', '.join(bad)} is not finite. The last checkpoint in {output} is from "
-            "before; resume it with a lower learning rate or another seed."
-        )
+    folder.forget_after(step)
+    return step, spent

@@ -18,7 +18,7 @@ from pe_runtime.networks import SynthesisNetworks
 from pe_runtime.training.action_config import ActionTrainingConfig
 from pe_runtime.training.action_phase import ActionPhase
 from pe_runtime.training.encoded_clips import encode_clips
-from pe_runtime.training.loop import Log, Schedule, run
+from pe_runtime.training.loop import Log, Moment, Schedule, run
 from pe_runtime.training.synthesis_phase import load_synthesis, prefixed
 
 
@@ -29,6 +29,7 @@ def train_model_actions(
     output: str | Path,
     resume: bool = False,
     on_log: Callable[[int, Log], None] | None = None,
+    on_step: Callable[[Moment], None] | None = None,
 ) -> Path:
     """Learn the actions of every playable class and write OUTPUT/model.safetensors.
 
@@ -42,6 +43,7 @@ def train_model_actions(
         output: Run folder; each class gets a folder of its own in it.
         resume: Go on from the run folder's checkpoints.
         on_log: Called with the step and its figures.
+        on_step: Called after every step.
 
     Returns:
         The model's file.
@@ -72,7 +74,7 @@ def train_model_actions(
             checkpoint_every=training.checkpoint_every,
             seed=training.seed,
         )
-        run(phase, Path(output) / name, schedule, resume, on_log)
+        run(phase, Path(output) / name, schedule, resume, on_log, on_step)
         modules[name], judges[name] = phase.module.eval(), phase.judge
         known = None
         if dataset.true_actions is not None and clips.action_names:

@@ -1,4 +1,4 @@
-"""Perceptual-style distance between pictures that needs no download.
+"""Perceptual distances between pictures.
 
 The paper compares VGG features. Where no such weights are at hand, fixed random filters at four
 scales stand in: they see edges and texture, and they are honest about not being VGG.
@@ -7,6 +7,33 @@ scales stand in: they see edges and texture, and they are honest about not being
 import torch
 from jaxtyping import Float
 from torch import Tensor, nn
+
+from pe_runtime.config import SynthesisConfig
+from pe_runtime.contract.errors import ConfigError
+from pe_runtime.vgg import VggFeatures, load_vgg
+
+
+class VggDistance(nn.Module):
+    """Mean absolute difference of VGG features, summed over the layers (Johnson et al.).
+
+    Args:
+        features: The network and its layers.
+    """
+
+    def __init__(self, features: VggFeatures) -> None:
+        super().__init__()
+        self.features = features
+
+    def forward(
+        self,
+        images: Float[Tensor, "frames 3 height width"],
+        targets: Float[Tensor, "frames 3 height width"],
+    ) -> Float[Tensor, ""]:
+        """Distance of pictures in [0, 1]; no gradient flows into the targets."""
+        with torch.no_grad():
+            wanted = self.features(targets)
+        pairs = zip(self.features(images), wanted, strict=True)
+        return torch.stack([(mine - theirs).abs().mean() for mine, theirs in pairs]).sum()
 
 
 class RandomFeatures(nn.Module):
@@ -60,3 +87,30 @@ def gradient_distance(
     across = (images.diff(dim=-1) - targets.diff(dim=-1)).abs().mean()
     down = (images.diff(dim=-2) - targets.diff(dim=-2)).abs().mean()
     return across + down
+
+
+def build_perceptual(config: SynthesisConfig, smallest: int) -> RandomFeatures | VggDistance:
+    """The distance that a training asks for.
+
+    Args:
+        config: Its `perceptual` and `perceptual_weights`.
+        smallest: Height or width of the smallest pictures that will be compared, pixels.
+
+    Raises:
+        CheckpointError: The file of weights is missing or holds something else.
+        ConfigError: It is another VGG than asked for, or sees nothing in pictures as small.
+    """
+    if config.perceptual == "random":
+        return RandomFeatures()
+    features = load_vgg(config.perceptual_weights)
+    if config.perceptual not in ("vgg", features.design):
+        raise ConfigError(
+            f"synthesis.perceptual is {config.perceptual!r}, but {config.perceptual_weights} is a "
+            f"{features.design}"
+        )
+    if smallest < features.smallest:
+        raise ConfigError(
+            f"{features.design} compares pictures of {features.smallest} pixels or more; patches "
+            f"leave {smallest} (synthesis.patch_height, patch_width)"
+        )
+    return VggDistance(features)

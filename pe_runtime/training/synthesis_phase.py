@@ -1,31 +1,34 @@
 """First training phase: encoder, fields and feature renderer (paper, Sec. 3.3)."""
 
-import json
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from pe_runtime.checkpoint import fit, load_checkpoint, save_checkpoint
-from pe_runtime.config import ModelConfig, SynthesisConfig, as_dict
+from pe_runtime.checkpoint import fit
+from pe_runtime.config import ModelConfig, SynthesisConfig
 from pe_runtime.contract.errors import ConfigError
 from pe_runtime.dataset import Clips, FrameBatch
+from pe_runtime.geometry.cameras import Cameras
 from pe_runtime.networks import Codes, SynthesisNetworks
 from pe_runtime.rendering.scene import RenderSettings
 from pe_runtime.training.augmentation import recolour
+from pe_runtime.training.global_statistics import share_statistics
+from pe_runtime.training.held_out import Measurement
 from pe_runtime.training.loop import (
+    BrokenStepError,
     Log,
-    Schedule,
     learning_rate_share,
     optimiser_tensors,
     restore_optimiser,
-    run,
 )
-from pe_runtime.training.perceptual import RandomFeatures, gradient_distance
+from pe_runtime.training.octaves import OctaveWindows
+from pe_runtime.training.patches import cut, patch_plan
+from pe_runtime.training.perceptual import build_perceptual, gradient_distance
+from pe_runtime.training.processes import Team
 
 BORDER = 4
 """Pixels at the rim of a patch that the loss leaves out: F sees no neighbours there."""
@@ -38,10 +41,11 @@ class SynthesisPhase:
         networks: What is trained.
         clips: Training sequences.
         held_out: Sequences for measurements, if any.
-        config: Losses, patches, rates.
+        config: Losses, patches, rates; batches are those of each process.
 
     Raises:
-        ConfigError: Patches or frame counts that the clips do not have.
+        ConfigError: Patches, frame counts or objects that the clips do not have.
+        CheckpointError: The VGG's weights cannot be read.
     """
 
     def __init__(
@@ -54,6 +58,10 @@ class SynthesisPhase:
         _check_fit(networks.config, clips, config)
         self.networks, self.clips, self.held_out, self.config = networks, clips, held_out, config
         self.device = next(networks.parameters()).device
+        self.team = Team.current()
+        if self.team.size > 1:
+            share_statistics(networks)
+            self.team.spread(networks)
         decoder = list(networks.feature_renderer.parameters())
         taken = {id(p) for p in decoder}
         rest = [p for p in networks.parameters() if id(p) not in taken]
@@ -61,73 +69,89 @@ class SynthesisPhase:
         self.optimiser = torch.optim.Adam(
             [{"params": rest}, {"params": decoder}], betas=(0.9, 0.99)
         )
-        self.perceptual = RandomFeatures().to(self.device)
+        size = (config.patch_height, config.patch_width)
+        self.perceptual = build_perceptual(config, min(size) - 2 * BORDER).to(self.device)
+        frame = (clips.images.shape[2], clips.images.shape[3])
+        self.patches = patch_plan(networks.config, config, clips.players, frame)
+        self.octaves = OctaveWindows(networks, config.octaves_until, config.bending_octaves_until)
+        self.measurement: Measurement | None = None
 
     def step(self, progress: float) -> Log:
-        """One optimisation step."""
-        config = self.config
+        """One optimisation step.
+
+        Raises:
+            BrokenStepError: The loss or a gradient is not finite; no weight has been changed.
+        """
         self.networks.train()
-        share = learning_rate_share(progress, config.warmup / config.steps)
+        self.octaves.open(progress)
+        rate = self._set_rates(progress)
+        everyone = self._sample()
+        corners = self.patches.corners(everyone.boxes)
+        own = self.team.part(len(everyone.boxes))
+        batch = _take(everyone, own).to(self.device)
+        if self.team.size > 1:
+            # From here on each process draws for itself: other rays, other noise.
+            torch.manual_seed(int(torch.randint(2**62, ())) + self.team.rank)
+        noise = self._noise(progress)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.config.bfloat16):
+            images, codes = self._reconstruct(batch, corners[own], noise)
+        loss, logs = self._loss(images, cut(batch.images, corners[own], images.shape[-2:]))
+        self.optimiser.zero_grad(set_to_none=True)
+        (loss + self._anchor(codes)).backward()
+        self.team.average_gradients(self.networks.parameters())
+        norm = torch.nn.utils.clip_grad_norm_(self.networks.parameters(), self.config.clip)
+        logs |= {"loss": float(loss.detach()), "gradient": float(norm), "rate": rate}
+        logs = self.team.means(logs)
+        if not all(math.isfinite(each) for each in logs.values()):
+            raise BrokenStepError(logs, _evidence(everyone, corners))
+        self.optimiser.step()
+        return logs
+
+    def _set_rates(self, progress: float) -> float:
+        config = self.config
+        warmup = config.warmup / config.steps
+        share = learning_rate_share(progress, warmup, config.rates, config.last_rate)
         for group, rate in zip(self.optimiser.param_groups, self.rates, strict=True):
             group["lr"] = rate * share
-        batch = self._sample().to(self.device)
-        windows = self._windows(batch)
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=config.bfloat16):
-            images = self._reconstruct(batch, windows)
-        loss, logs = self._loss(images, _cut(batch.images, windows, images.shape[-2:]))
-        self.optimiser.zero_grad(set_to_none=True)
-        loss.backward()
-        norm = torch.nn.utils.clip_grad_norm_(self.networks.parameters(), config.clip)
-        self.optimiser.step()
-        return logs | {
-            "loss": float(loss.detach()),
-            "gradient": float(norm),
-            "rate": self.rates[0] * share,
-        }
+        return self.rates[0] * share
+
+    def _noise(self, progress: float) -> float:
+        """Standard deviation of the noise on raw densities at a point of the training."""
+        config = self.config
+        if not config.density_noise_until:
+            return config.density_noise
+        return config.density_noise * max(0.0, 1 - progress / config.density_noise_until)
 
     def _sample(self) -> FrameBatch:
-        """Some frames of some sequences; frames of a sequence stay neighbours in the batch."""
-        clips = torch.randint(len(self.clips), (self.config.sequences,))
-        length, frames = self.clips.images.shape[1], self.config.frames
+        """Some frames of some sequences, for all processes; the same in each of them.
+
+        Frames of a sequence stay neighbours in the batch.
+        """
+        count, frames = self.config.sequences * self.team.size, self.config.frames
+        clips = torch.randint(len(self.clips), (count,))
+        length = self.clips.images.shape[1]
         times = torch.stack([torch.randperm(length)[:frames] for _ in range(len(clips))])
         batch = self.clips.batch(clips.repeat_interleave(frames), times.flatten())
         return replace(batch, images=recolour(batch.images, frames, self.config.recoloured))
 
-    def _windows(self, batch: FrameBatch) -> Int[Tensor, "frames 2"]:
-        """Top-left corners of the patches, most of them around a player."""
-        config, cameras = self.config, batch.cameras
-        grid = self.networks.config.feature_renderer.strides[-1]
-        limit = torch.tensor(
-            [cameras.height - config.patch_height, cameras.width - config.patch_width]
-        )
-        half = torch.tensor([config.patch_height, config.patch_width]) / 2
-        corners = []
-        for boxes in batch.boxes.cpu():
-            corner = torch.rand(2) * limit
-            found = boxes[torch.isfinite(boxes).all(dim=-1)]
-            if len(found) and float(torch.rand(())) < config.player_patches:
-                box = found[int(torch.randint(len(found), ()))]
-                middle = torch.stack([box[1] + box[3], box[0] + box[2]]) / 2
-                corner = middle - half + (torch.rand(2) - 0.5) * half
-            corner = torch.minimum(corner.clamp(min=0), limit.float())
-            corners.append((corner / grid).floor().long() * grid)
-        return torch.stack(corners)
-
     def _reconstruct(
-        self, batch: FrameBatch, windows: Int[Tensor, "frames 2"]
-    ) -> Float[Tensor, "frames 3 height width"]:
+        self, batch: FrameBatch, corners: Int[Tensor, "frames 2"], noise: float
+    ) -> tuple[Float[Tensor, "frames 3 height width"], Mapping[str, Codes]]:
+        """The patches as they are drawn, and the codes of the frames."""
         config = self.config
         codes = self.networks.encode(batch.images, batch.cameras, batch.boxes)
+        shown = codes
         if config.permute_style:
-            codes = {name: _permuted(each, config.frames) for name, each in codes.items()}
+            shown = {name: _permuted(each, config.frames) for name, each in codes.items()}
         settings = RenderSettings(
             near=self.networks.config.near,
-            jitter=True,
-            density_noise=config.density_noise,
+            jitter=config.jitter,
+            density_noise=noise,
             bucket=1024,
         )
         size = (config.patch_height, config.patch_width)
-        return self.networks.synthesise(batch.cameras, codes, windows, size, settings)
+        images = self.networks.synthesise(batch.cameras, shown, corners, size, settings)
+        return images, codes
 
     def _loss(self, images: Tensor, targets: Tensor) -> tuple[Tensor, Log]:
         inner = (..., slice(BORDER, -BORDER), slice(BORDER, -BORDER))
@@ -141,38 +165,33 @@ class SynthesisPhase:
         psnr = -10 * torch.log10(squared.detach().clamp(min=1e-10))
         return loss, {"psnr_patch": float(psnr), "perceptual": float(perceptual.detach())}
 
-    @torch.no_grad()
+    def _anchor(self, codes: Mapping[str, Codes]) -> Tensor:
+        """Nothing, that depends on the codes of all objects that any of the processes has drawn.
+
+        Gradients of batch statistics are exchanged. A process whose frames do not show an object
+        would otherwise never come to that exchange, and the others would wait for ever.
+        """
+        nothing = torch.zeros((), device=self.device)
+        if self.team.size == 1:
+            return nothing
+        drawn = set(self.networks.drawn(codes))
+        flags = self.team.largest(*(float(name in drawn) for name in codes))
+        for each, flag in zip(codes.values(), flags, strict=True):
+            if flag:
+                parts = [each.style, each.pose, *([] if each.heading is None else [each.heading])]
+                nothing = nothing + sum(0.0 * part.float().sum() for part in parts)
+        return nothing
+
     def evaluate(self) -> Log:
         """PSNR of whole held-out frames and of player boxes, with own and with another pose."""
         if self.held_out is None:
             return {}
-        self.networks.eval()
-        errors: dict[str, list[Tensor]] = {"psnr": [], "psnr_box": [], "psnr_box_other_pose": []}
-        times = torch.linspace(0, self.held_out.images.shape[1] - 1, 3).long()
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.config.bfloat16):
-            for clip in range(min(len(self.held_out), 8)):
-                batch = self.held_out.batch(torch.full_like(times, clip), times).to(self.device)
-                codes = self.networks.encode(batch.images, batch.cameras, batch.boxes)
-                other = {n: replace(c, pose=c.pose.roll(1, 0)) for n, c in codes.items()}
-                squares = (self._draw(batch, codes) - batch.images).square().mean(dim=1)
-                swapped = (self._draw(batch, other) - batch.images).square().mean(dim=1)
-                errors["psnr"].append(squares.mean())
-                for index, box in ((i, b) for i, boxes in enumerate(batch.boxes) for b in boxes):
-                    if not torch.isfinite(box).all():
-                        continue
-                    left, top, right, bottom = box.round().int().clamp(min=0).tolist()
-                    region = (index, slice(top, bottom), slice(left, right))
-                    if squares[region].numel() == 0:
-                        continue
-                    errors["psnr_box"].append(squares[region].mean())
-                    errors["psnr_box_other_pose"].append(swapped[region].mean())
-        return {k: float(-10 * torch.stack(v).mean().log10()) for k, v in errors.items() if v}
+        self.measurement = Measurement(self.networks, self.held_out, self.config.bfloat16)
+        return self.measurement.figures
 
-    def _draw(self, batch: FrameBatch, codes: Mapping[str, Codes]) -> Tensor:
-        windows = torch.zeros(len(batch.cameras), 2, dtype=torch.long)
-        size = (batch.cameras.height, batch.cameras.width)
-        settings = RenderSettings(near=self.networks.config.near)
-        return self.networks.synthesise(batch.cameras, codes, windows, size, settings)
+    def sheet(self) -> Float[Tensor, "rows columns 3"] | None:
+        """Frames of the last measurement: target, drawn, and drawn with another frame's pose."""
+        return None if self.measurement is None else self.measurement.sheet()
 
     def tensors(self) -> dict[str, Tensor]:
         """Weights and optimiser."""
@@ -185,51 +204,6 @@ class SynthesisPhase:
         fit(self.networks.state_dict(), own, "the checkpoint of this run")
         self.networks.load_state_dict(own)
         restore_optimiser(self.optimiser, tensors, "optimiser")
-
-
-def train_synthesis(
-    config: tuple[ModelConfig, SynthesisConfig],
-    data: tuple[Clips, Clips | None],
-    output: str | Path,
-    minutes: float | None = None,
-    resume: bool = False,
-    start_from: str | Path | None = None,
-    on_log: Callable[[int, Log], None] | None = None,
-) -> SynthesisNetworks:
-    """Train the synthesis module and write OUTPUT/synthesis.safetensors.
-
-    Args:
-        config: The model's and the training's configuration.
-        data: Training clips, and held-out clips or None.
-        output: Run folder.
-        minutes: Wall-clock limit; the learning-rate schedule follows it.
-        resume: Go on from the run folder's checkpoint.
-        start_from: Model file whose synthesis weights are the starting point.
-        on_log: Called with the step and its figures.
-    """
-    model, training = config
-    output = Path(output)
-    torch.manual_seed(training.seed)
-    device = "cuda" if torch.cuda.is_available() else "cpu"
-    networks = SynthesisNetworks(model).to(device)
-    if start_from is not None:
-        load_synthesis(networks, load_checkpoint(start_from)[1])
-    phase = SynthesisPhase(networks, *data, training)
-    output.mkdir(parents=True, exist_ok=True)
-    described = {"model": as_dict(model), "synthesis": as_dict(training)}
-    (output / "config.json").write_text(json.dumps(described, indent=1))
-    schedule = Schedule(
-        steps=training.steps,
-        minutes=minutes,
-        evaluate_every=training.evaluate_every,
-        checkpoint_every=training.checkpoint_every,
-        seed=training.seed,
-    )
-    steps = run(phase, output, schedule, resume, on_log)
-    networks.eval()
-    header: dict[str, Any] = {"kind": "synthesis", "config": as_dict(model), "steps": steps}
-    save_checkpoint(output / "synthesis.safetensors", prefixed(networks), header)
-    return networks
 
 
 def prefixed(networks: SynthesisNetworks) -> dict[str, Tensor]:
@@ -282,9 +256,24 @@ def _permuted(codes: Codes, frames: int) -> Codes:
     return replace(codes, style=style)
 
 
-def _cut(images: Tensor, windows: Tensor, size: torch.Size) -> Tensor:
-    pieces = [
-        image[:, top : top + size[0], left : left + size[1]]
-        for image, (top, left) in zip(images, windows.tolist(), strict=True)
-    ]
-    return torch.stack(pieces)
+def _take(batch: FrameBatch, which: slice) -> FrameBatch:
+    """Some frames of a batch."""
+    cameras = batch.cameras
+    some = Cameras(
+        cameras.width,
+        cameras.height,
+        cameras.intrinsics[which],
+        cameras.world_from_camera[which],
+    )
+    return FrameBatch(batch.images[which], some, batch.boxes[which])
+
+
+def _evidence(batch: FrameBatch, corners: Tensor) -> dict[str, Tensor]:
+    """A batch as tensors to be stored."""
+    return {
+        "images": batch.images,
+        "intrinsics": batch.cameras.intrinsics,
+        "world_from_camera": batch.cameras.world_from_camera,
+        "boxes": batch.boxes,
+        "corners": corners,
+    }

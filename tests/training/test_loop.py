@@ -9,10 +9,14 @@ import torch
 
 from pe_runtime.checkpoint import load_checkpoint, save_checkpoint
 from pe_runtime.contract.errors import CheckpointError
+from pe_runtime.images import read_image
 from pe_runtime.training import loop
 from pe_runtime.training.loop import (
     CHECKPOINT,
+    CURVES,
     METRICS,
+    SAMPLES,
+    BrokenStepError,
     Schedule,
     TrainingError,
     learning_rate_share,
@@ -171,18 +175,94 @@ class Clock:
 def test_the_schedule_follows_the_clock_when_that_ends_first(tmp_path, monkeypatch):
     monkeypatch.setattr(loop, "time", Clock())
     phase = Line()
-    assert run(phase, tmp_path, Schedule(steps=1000, minutes=3.0)) == 5
-    assert phase.seen == pytest.approx([1 / 6, 2 / 6, 3 / 6, 4 / 6, 5 / 6])
+    assert run(phase, tmp_path, Schedule(steps=1000, minutes=3.0)) == 6
+    assert phase.seen == pytest.approx([0, 1 / 6, 2 / 6, 3 / 6, 4 / 6, 5 / 6])
 
 
-def test_time_spent_before_counts_after_a_resume(tmp_path, monkeypatch):
+def test_a_resumed_run_under_a_time_limit_repeats_the_very_steps(tmp_path, monkeypatch):
+    schedule = Schedule(steps=1000, minutes=3.0, checkpoint_every=1000)
+    whole, resumed = Line(), Line(start=9.0)
+    interrupted = Line(at=2, action=lambda: os.kill(os.getpid(), signal.SIGINT) or {"loss": 1.0})
+    for phase, name in ((whole, "whole"), (interrupted, "parts")):
+        monkeypatch.setattr(loop, "time", Clock())
+        run(phase, tmp_path / name, schedule)
     monkeypatch.setattr(loop, "time", Clock())
-    phase = Line(at=2, action=lambda: os.kill(os.getpid(), signal.SIGINT) or {"loss": 1.0})
-    assert run(phase, tmp_path, Schedule(steps=1000, minutes=3.0)) == 2
-    resumed = Line()
-    run(resumed, tmp_path, Schedule(steps=1000, minutes=3.0), resume=True)
-    assert resumed.seen[0] > phase.seen[-1]
-    assert len(resumed.seen) <= 3
+    assert run(resumed, tmp_path / "parts", schedule, resume=True) == len(whole.seen)
+    assert interrupted.seen + resumed.seen == whole.seen
+    assert equal(whole, resumed)
+
+
+def test_a_run_that_was_killed_goes_on_from_its_checkpoint_without_double_figures(
+    tmp_path, monkeypatch
+):
+    schedule = Schedule(steps=8, log_every=1, checkpoint_every=3)
+
+    def die(step, _):
+        if step == 5:
+            raise RuntimeError("the power is gone")
+
+    with pytest.raises(RuntimeError):
+        run(Line(), tmp_path / "parts", schedule, on_log=die)
+    with (tmp_path / "parts" / METRICS).open("a") as cut_short:
+        cut_short.write('{"step": 6, "lo')
+    resumed, whole = Line(), Line()
+    assert run(resumed, tmp_path / "parts", schedule, resume=True) == 8
+    run(whole, tmp_path / "whole", schedule)
+    assert equal(whole, resumed)
+    found = [
+        [(each["step"], each["loss"]) for each in lines(tmp_path / n)] for n in ("parts", "whole")
+    ]
+    assert found[0] == found[1]
+
+
+def test_an_interrupt_and_the_terminate_that_torchrun_adds_are_one_wish(tmp_path):
+    def both():
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGTERM)
+        return {"loss": 1.0}
+
+    assert run(Line(at=2, action=both), tmp_path, Schedule(steps=5)) == 2
+
+
+def test_every_step_is_told_and_the_curves_are_drawn(tmp_path):
+    told = []
+    run(Line(), tmp_path, Schedule(steps=6, log_every=2, evaluate_every=3), on_step=told.append)
+    assert [(each.step, each.steps) for each in told] == [(n, 6) for n in range(1, 7)]
+    assert told[2].progress == 0.5
+    assert told[0].figures["loss"] > told[5].figures["loss"]
+    assert read_image(tmp_path / CURVES).shape[2] >= 3
+
+
+class Painter(Line):
+    """Shows what it measured, after the first measurement."""
+
+    def sheet(self):
+        return torch.full((4, 6, 3), 0.5) if len(self.seen) > 3 else None
+
+
+def test_sheets_are_kept_of_phases_that_have_them(tmp_path):
+    run(Painter(), tmp_path, Schedule(steps=6, evaluate_every=3))
+    assert [path.name for path in (tmp_path / SAMPLES).iterdir()] == ["0000006.png"]
+    assert read_image(tmp_path / SAMPLES / "0000006.png").shape == (4, 6, 3)
+
+
+class Breaking(Line):
+    """Finds at its third step that the loss is not finite, before it changes a weight."""
+
+    def step(self, progress):
+        if len(self.seen) == 2:
+            raise BrokenStepError({"loss": math.nan, "other": 1.0}, {"batch": torch.arange(3)})
+        return super().step(progress)
+
+
+def test_the_batch_of_a_broken_step_is_kept_and_named(tmp_path):
+    with pytest.raises(TrainingError, match=r"step 2: loss is not finite.*broken-0000002") as told:
+        run(Breaking(), tmp_path, Schedule(steps=5, seed=4))
+    assert "lower learning rate" in str(told.value)
+    header, tensors = load_checkpoint(tmp_path / "broken-0000002.safetensors")
+    assert (header["kind"], header["step"], header["seed"]) == ("broken step", 2, 4)
+    assert (header["progress"], header["figures"]) == (2 / 5, {"loss": "nan", "other": "1.0"})
+    assert torch.equal(tensors["batch"], torch.arange(3))
 
 
 def test_the_learning_rate_warms_up_and_falls_along_a_cosine():
@@ -192,6 +272,24 @@ def test_the_learning_rate_warms_up_and_falls_along_a_cosine():
     assert learning_rate_share(0.55, 0.1) == pytest.approx(0.5)
     assert learning_rate_share(1.0, 0.1) == pytest.approx(0)
     assert learning_rate_share(0.0) == 1
+
+
+@pytest.mark.parametrize(
+    ("rates", "middle", "end"),
+    [("constant", 1.0, 1.0), ("exponential", 0.1, 0.01), ("stairs", 0.1, 0.01)],
+)
+def test_the_other_learning_rates_start_at_one_and_end_where_they_should(rates, middle, end):
+    at = [learning_rate_share(each, 0.1, rates, 0.01) for each in (0.05, 0.1, 0.55, 1.0)]
+    assert at == pytest.approx([0.5, 1.0, middle, end])
+
+
+def test_stairs_are_thirty_and_those_of_the_release():
+    found = [
+        learning_rate_share(step / 300_000, 0.0, "stairs", 0.1) for step in range(0, 300_000, 500)
+    ]
+    assert len(set(found)) == 30
+    assert found[19] == 1
+    assert found[20] == pytest.approx(0.926118, rel=1e-5)
 
 
 def test_an_optimiser_that_made_no_step_has_nothing_to_restore():

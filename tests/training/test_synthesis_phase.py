@@ -2,6 +2,7 @@ import json
 import os
 import signal
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 import torch
@@ -11,12 +12,8 @@ from pe_runtime.checkpoint import load_checkpoint, save_checkpoint
 from pe_runtime.contract.errors import CheckpointError, ConfigError
 from pe_runtime.networks import SynthesisNetworks
 from pe_runtime.training.loop import METRICS, Schedule, run
-from pe_runtime.training.synthesis_phase import (
-    SynthesisPhase,
-    load_synthesis,
-    prefixed,
-    train_synthesis,
-)
+from pe_runtime.training.synthesis_phase import SynthesisPhase, load_synthesis, prefixed
+from pe_runtime.training.synthesis_run import RunOptions, train_synthesis
 
 CLIPS = small_clips()
 NAN = float("nan")
@@ -96,7 +93,7 @@ def test_a_patch_that_no_ray_of_a_player_hits_trains(monkeypatch):
     far[..., [0, 2]] = torch.tensor([0.0, 2.0])
     far[..., [1, 3]] = torch.tensor([10.0, 22.0])
     trained.clips = replace(CLIPS, boxes=far)
-    monkeypatch.setattr(trained, "_windows", lambda batch: corner)
+    trained.patches = SimpleNamespace(corners=lambda boxes: corner)
     seen = []
     synthesise = trained.networks.synthesise
     monkeypatch.setattr(
@@ -173,7 +170,7 @@ def test_frames_of_a_batch_are_neighbours_of_one_sequence_and_all_different():
 def test_patches_lie_in_the_picture_on_the_coarsest_grid(share):
     trained = phase(player_patches=share, sequences=8)
     torch.manual_seed(0)
-    windows = torch.cat([trained._windows(trained._sample()) for _ in range(10)])
+    windows = torch.cat([trained.patches.corners(trained._sample().boxes) for _ in range(10)])
     assert not (windows % 4).any()
     assert (windows >= 0).all()
     assert windows[:, 0].max() <= 24 - 16 and windows[:, 1].max() <= 40 - 16
@@ -184,7 +181,8 @@ def test_patches_around_players_contain_their_middles():
     trained = phase(player_patches=1.0, patch_height=24, patch_width=16)
     torch.manual_seed(0)
     batch = trained._sample()
-    for boxes, (_, left) in zip(batch.boxes, trained._windows(batch).tolist(), strict=True):
+    corners = trained.patches.corners(batch.boxes)
+    for boxes, (_, left) in zip(batch.boxes, corners.tolist(), strict=True):
         middles = (boxes[:, 0] + boxes[:, 2]) / 2
         assert ((middles > left - 4) & (middles < left + 20)).any()
 
@@ -239,7 +237,7 @@ def test_a_whole_training_writes_its_model_its_settings_and_its_metrics(tmp_path
         (config, small_training(steps=3)),
         (CLIPS, None),
         tmp_path,
-        on_log=lambda step, figures: told.append(step),
+        RunOptions(on_log=lambda step, figures: told.append(step)),
     )
     assert told == [3]
     assert (tmp_path / METRICS).exists()
@@ -261,9 +259,8 @@ def test_training_can_start_from_another_model_s_weights(tmp_path):
     source = SynthesisNetworks(config)
     save_checkpoint(tmp_path / "start.safetensors", prefixed(source), {"kind": "synthesis"})
     settings = (config, small_training(steps=0))
-    started = train_synthesis(
-        settings, (CLIPS, None), tmp_path / "run", start_from=tmp_path / "start.safetensors"
-    )
+    options = RunOptions(start_from=tmp_path / "start.safetensors")
+    started = train_synthesis(settings, (CLIPS, None), tmp_path / "run", options)
     assert torch.equal(
         started.fields["player"].output.weight, source.fields["player"].output.weight
     )
