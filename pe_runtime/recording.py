@@ -25,8 +25,8 @@ from pe_runtime.contract.episode import (
     write_dataset,
 )
 from pe_runtime.contract.errors import EpisodeError
+from pe_runtime.contract.scenes import BUILT_IN_SCENES
 
-BUILT_IN_SCENE = "duel"
 NO_BLENDER = 3  # exit status of the recorder where `bpy` cannot be imported
 Progress = Callable[[int, int], None]
 
@@ -42,13 +42,14 @@ class RecordingJob:
     """What to record.
 
     Attributes:
-        scene: `duel`, or the path of a .blend file whose objects are marked playable.
+        scene: A built-in scene's name (`contract.scenes`), or the path of a .blend file whose
+            objects are marked playable.
         sequences: Number of episodes of the data set; a .blend file is one episode.
         seed: With the episode's number it decides everything random.
         size: Pixel columns and rows.
         output: Folder of the data set.
         views: Cameras to record.
-        samples: Cycles samples per ray; 1 is exact for `duel`.
+        samples: Cycles samples per ray; 1 is exact for the built-in scenes.
     """
 
     scene: str
@@ -65,11 +66,12 @@ class RecordingJob:
         for name, value in numbers.items():
             if value < 1:
                 raise EpisodeError(f"recording: {name} is {value}; expected 1 or more")
-        if self.scene == BUILT_IN_SCENE:
+        if self.scene in BUILT_IN_SCENES:
             return
         if not Path(self.scene).is_file():
             raise EpisodeError(
-                f"scene {self.scene} does not exist; give a .blend file or {BUILT_IN_SCENE}"
+                f"scene {self.scene} does not exist; give a .blend file or one of "
+                f"{', '.join(BUILT_IN_SCENES)}"
             )
         if self.sequences != 1:
             raise EpisodeError(
@@ -139,7 +141,7 @@ def _join_existing(job: RecordingJob) -> None:
     if not (job.output / DATASET_FILE).is_file():
         return
     found = read_info(job.output)
-    name = job.scene if job.scene == BUILT_IN_SCENE else Path(job.scene).stem
+    name = job.scene if job.scene in BUILT_IN_SCENES else Path(job.scene).stem
     asked = {"scene": name, "seed": job.seed, "views": job.views}
     asked |= {"width": job.size[0], "height": job.size[1]}
     other = {

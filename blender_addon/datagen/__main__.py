@@ -22,11 +22,11 @@ from pe_runtime.contract.episode import (
     write_dataset,
 )
 from pe_runtime.contract.errors import EpisodeError, PlayableEnvironmentError
+from pe_runtime.contract.scenes import BUILT_IN_SCENES
 
 if TYPE_CHECKING:
     from blender_addon.datagen.recordable import Recordable
 
-BUILT_IN = "duel"
 NO_BLENDER = 3  # exit status that pe_runtime.recording explains
 
 
@@ -47,7 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _parse(arguments: list[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m blender_addon.datagen", description=__doc__)
-    parser.add_argument("--scene", default=BUILT_IN, help="duel, or a .blend file")
+    parser.add_argument("--scene", default="duel", help="a built-in scene, or a .blend file")
     parser.add_argument("--sequence-range", nargs=2, type=int, metavar=("A", "B"), default=(0, 1))
     parser.add_argument("--count", type=int, help="episodes of the whole data set (default: B)")
     parser.add_argument("--seed", type=int, default=0)
@@ -101,10 +101,10 @@ def _scene_builder(options: argparse.Namespace) -> "Callable[[int], Recordable]"
     from blender_addon.datagen.recordable import keep_first_frames, open_blend
 
     def build(number: int) -> "Recordable":
-        if options.scene == BUILT_IN:
-            from blender_addon.datagen.duel import build_duel
+        if options.scene in BUILT_IN_SCENES:
+            from blender_addon.datagen.built_in import build_scene
 
-            return build_duel(options.seed, number)
+            return build_scene(options.scene, options.seed, number)
         return open_blend(Path(options.scene))
 
     def cut(number: int) -> "Recordable":

@@ -33,8 +33,8 @@ _SKIES = (
     ((0.82, 0.84, 0.86), (0.64, 0.69, 0.75)),
     ((0.72, 0.86, 0.88), (0.32, 0.55, 0.74)),
 )
-_SKINS = ((0.96, 0.80, 0.69), (0.87, 0.67, 0.52), (0.70, 0.49, 0.35), (0.46, 0.31, 0.23))
-_HAIRS = ((0.12, 0.09, 0.08), (0.36, 0.22, 0.13), (0.82, 0.66, 0.36), (0.58, 0.56, 0.54))
+SKINS = ((0.96, 0.80, 0.69), (0.87, 0.67, 0.52), (0.70, 0.49, 0.35), (0.46, 0.31, 0.23))
+HAIRS = ((0.12, 0.09, 0.08), (0.36, 0.22, 0.13), (0.82, 0.66, 0.36), (0.58, 0.56, 0.54))
 _TROUSERS = (
     (0.14, 0.16, 0.24),
     (0.86, 0.85, 0.82),
@@ -43,7 +43,7 @@ _TROUSERS = (
     (0.24, 0.34, 0.24),
     (0.42, 0.18, 0.24),
 )
-_SHOES = ((0.93, 0.92, 0.90), (0.15, 0.15, 0.17), (0.80, 0.25, 0.20))
+SHOES = ((0.93, 0.92, 0.90), (0.15, 0.15, 0.17), (0.80, 0.25, 0.20))
 
 
 @dataclass(frozen=True)
@@ -78,13 +78,13 @@ def draw_surroundings(rng: np.random.Generator) -> Surroundings:
     turn = int(rng.integers(len(panels)))
     panels = panels[turn:] + panels[:turn]
     return Surroundings(
-        inner=_jitter(rng, inner),
-        outer=_jitter(rng, outer),
+        inner=jitter(rng, inner),
+        outer=jitter(rng, outer),
         line=(0.93, 0.93, 0.91),
-        wall=_jitter(rng, wall),
-        panels=tuple(_jitter(rng, panel) for panel in panels),
-        horizon=_jitter(rng, horizon, 0.02),
-        zenith=_jitter(rng, zenith, 0.02),
+        wall=jitter(rng, wall),
+        panels=tuple(jitter(rng, panel) for panel in panels),
+        horizon=jitter(rng, horizon, 0.02),
+        zenith=jitter(rng, zenith, 0.02),
     )
 
 
@@ -102,17 +102,18 @@ def linear(colour: Colour) -> tuple[float, float, float, float]:
     return float(rgb[0]), float(rgb[1]), float(rgb[2]), 1.0
 
 
+def jitter(rng: np.random.Generator, colour: Colour, spread: float = 0.035) -> Colour:
+    """A colour near the given one, each channel moved by up to `spread`."""
+    moved = np.clip(np.asarray(colour) + rng.uniform(-spread, spread, 3), 0.02, 0.98)
+    return float(moved[0]), float(moved[1]), float(moved[2])
+
+
 def _draw_outfit(rng: np.random.Generator, hue: float) -> Outfit:
     shirt = colorsys.hsv_to_rgb(hue, rng.uniform(0.70, 0.95), rng.uniform(0.75, 0.98))
     return Outfit(
         shirt=shirt,
-        trousers=_jitter(rng, _TROUSERS[rng.integers(len(_TROUSERS))]),
-        skin=_jitter(rng, _SKINS[rng.integers(len(_SKINS))], 0.02),
-        hair=_jitter(rng, _HAIRS[rng.integers(len(_HAIRS))], 0.02),
-        shoes=_SHOES[rng.integers(len(_SHOES))],
+        trousers=jitter(rng, _TROUSERS[rng.integers(len(_TROUSERS))]),
+        skin=jitter(rng, SKINS[rng.integers(len(SKINS))], 0.02),
+        hair=jitter(rng, HAIRS[rng.integers(len(HAIRS))], 0.02),
+        shoes=SHOES[rng.integers(len(SHOES))],
     )
-
-
-def _jitter(rng: np.random.Generator, colour: Colour, spread: float = 0.035) -> Colour:
-    moved = np.clip(np.asarray(colour) + rng.uniform(-spread, spread, 3), 0.02, 0.98)
-    return float(moved[0]), float(moved[1]), float(moved[2])

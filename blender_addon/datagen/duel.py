@@ -4,11 +4,8 @@ The sequence number and the seed decide everything: the same pair gives the same
 process. World: metres, Z up; frames run from 1.
 """
 
-from itertools import pairwise
-
 import bpy
 import numpy as np
-from mathutils import Matrix
 
 from blender_addon.datagen.appearance import Surroundings, draw_outfits, draw_surroundings
 from blender_addon.datagen.materials import Palette, forbid_bounces, make_sky
@@ -18,16 +15,16 @@ from blender_addon.datagen.motion import (
     PLAYERS,
     STEPS_PER_SECOND,
     Motion,
+    Plan,
     draw_sequence,
 )
 from blender_addon.datagen.people import Person, build_person, key_person
-from blender_addon.datagen.recordable import PLAYABLE, VIEW, Recordable
-from blender_addon.datagen.viewpoints import Viewpoint, camera_axes
+from blender_addon.datagen.recordable import PLAYABLE, Recordable
+from blender_addon.datagen.staging import add_camera, add_sun, empty_scene
+from blender_addon.datagen.surfaces import tiled_mesh
 
 GROUND_X, GROUND_Y = (-14.0, 14.0), (-12.0, 9.0)
 WALL_Y, WALL_TOP = 9.0, 3.5
-SUN_TILT = np.radians(15.0)
-SUN_SHARE = 0.42  # of the light on a floor; the rest is the materials' own glow
 
 # Service-box-like court: outer edges and the lines inside it, centre lines in metres.
 _COURT_X, _COURT_Y = 4.2, (-4.6, 4.6)
@@ -39,25 +36,26 @@ _PANEL_Z = (0.6, 2.7)
 
 def build_duel(seed: int, sequence: int) -> Recordable:
     """Empty Blender and build one sequence of `duel` in it."""
-    plan = draw_sequence(seed, sequence)
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    scene.frame_start, scene.frame_end = 1, FRAMES
-    scene.render.fps = round(STEPS_PER_SECOND)
+    return build_planned(draw_sequence(seed, sequence), "duel")
+
+
+def build_planned(plan: Plan, name: str) -> Recordable:
+    """Empty Blender and build a planned sequence; what it wears is drawn from the plan's rng."""
+    scene = empty_scene(FRAMES, STEPS_PER_SECOND)
     colours = draw_surroundings(plan.rng)
     palette = Palette()
     _build_court(scene, palette, colours)
     make_sky(scene, colours.horizon, colours.zenith)
-    _build_sun(scene, plan.rng)
+    add_sun(scene, plan.rng)
     outfits = draw_outfits(plan.rng, len(PLAYERS))
-    for index, (name, outfit) in enumerate(zip(PLAYERS, outfits, strict=True)):
-        person = build_person(scene, name, outfit, palette)
-        person.root[PLAYABLE] = name
+    for index, (player, outfit) in enumerate(zip(PLAYERS, outfits, strict=True)):
+        person = build_person(scene, player, outfit, palette)
+        person.root[PLAYABLE] = player
         _key_motion(person, plan.motion, index)
     for number, path in enumerate(plan.views):
-        _build_camera(scene, f"camera_{number}", number, path)
+        add_camera(scene, number, path)
     forbid_bounces(scene)
-    return Recordable(scene, "duel", ACTIONS, STEPS_PER_SECOND)
+    return Recordable(scene, name, ACTIONS, STEPS_PER_SECOND)
 
 
 def _key_motion(person: Person, motion: Motion, index: int) -> None:
@@ -75,83 +73,15 @@ def _build_court(scene: bpy.types.Scene, palette: Palette, colours: Surroundings
     lines += [(low - half, high + half, y - half, y + half) for y, low, high in across]
     floor = [(-_COURT_X, _COURT_X, *_COURT_Y)]
     groups = [(lines, colours.line), (floor, colours.inner)]
-    ground = _tiled_mesh("ground", GROUND_X, GROUND_Y, groups, colours.outer, palette)
+    ground = tiled_mesh("ground", GROUND_X, GROUND_Y, groups, colours.outer, palette)
     scene.collection.objects.link(ground)
 
     groups = [
         ([(*panel, *_PANEL_Z)], colours.panels[k % len(colours.panels)])
         for k, panel in enumerate(_PANELS)
     ]
-    wall = _tiled_mesh("wall", GROUND_X, (0.0, WALL_TOP), groups, colours.wall, palette)
+    wall = tiled_mesh("wall", GROUND_X, (0.0, WALL_TOP), groups, colours.wall, palette)
     # The mesh is drawn flat; standing it up turns its +Z towards the cameras at -Y.
     wall.rotation_euler.x = np.pi / 2
     wall.location.y = WALL_Y
     scene.collection.objects.link(wall)
-
-
-def _tiled_mesh(
-    name: str,
-    span_x: tuple[float, float],
-    span_y: tuple[float, float],
-    groups: list,
-    rest: tuple[float, float, float],
-    palette: Palette,
-) -> bpy.types.Object:
-    """One flat rectangle in the xy plane, cut so that every coloured rectangle is whole tiles.
-
-    `groups` lists (rectangles as (x0, x1, y0, y1), colour), the first match wins; tiles in none
-    are painted `rest`. Cutting keeps the surface truly flat: nothing lies on top of it.
-    """
-    rectangles = [r for group, _ in groups for r in group]
-    xs = sorted({*span_x, *(v for r in rectangles for v in r[:2])})
-    ys = sorted({*span_y, *(v for r in rectangles for v in r[2:])})
-    corners = [(x, y, 0.0) for y in ys for x in xs]
-    faces, slots = [], []
-    for j, (y0, y1) in enumerate(pairwise(ys)):
-        for i, (x0, x1) in enumerate(pairwise(xs)):
-            k = j * len(xs) + i
-            faces.append((k, k + 1, k + 1 + len(xs), k + len(xs)))
-            slots.append(_group_at(groups, (x0 + x1) / 2, (y0 + y1) / 2))
-    mesh = bpy.data.meshes.new(name)
-    mesh.from_pydata(corners, [], faces)
-    for colour in [*(colour for _, colour in groups), rest]:
-        mesh.materials.append(palette.flat(colour))
-    mesh.polygons.foreach_set("material_index", slots)
-    return bpy.data.objects.new(name, mesh)
-
-
-def _group_at(groups: list, x: float, y: float) -> int:
-    for index, (rectangles, _) in enumerate(groups):
-        if any(x0 < x < x1 and y0 < y < y1 for x0, x1, y0, y1 in rectangles):
-            return index
-    return len(groups)
-
-
-def _build_sun(scene: bpy.types.Scene, rng: np.random.Generator) -> None:
-    light = bpy.data.lights.new("sun", "SUN")
-    light.angle = 0.0
-    light.energy = SUN_SHARE * np.pi
-    sun = bpy.data.objects.new("sun", light)
-    turn, tilt = rng.uniform(0, 2 * np.pi), rng.uniform(0, SUN_TILT)
-    sun.rotation_euler = (tilt, 0.0, turn)
-    scene.collection.objects.link(sun)
-
-
-def _build_camera(scene: bpy.types.Scene, name: str, number: int, path: list[Viewpoint]) -> None:
-    data = bpy.data.cameras.new(name)
-    data.sensor_fit = "HORIZONTAL"
-    data.angle = path[0].field_of_view
-    camera = bpy.data.objects.new(name, data)
-    camera[VIEW] = number
-    camera.rotation_mode = "QUATERNION"
-    scene.collection.objects.link(camera)
-    if number == 0:
-        scene.camera = camera
-    for frame, view in enumerate(path, start=1):
-        pose = np.eye(4)
-        # Blender's camera looks down -Z with Y up; ours down +Z with Y down.
-        pose[:3, :3] = camera_axes(view) @ np.diag([1.0, -1.0, -1.0])
-        pose[:3, 3] = view.eye
-        camera.matrix_world = Matrix(pose.tolist())
-        camera.keyframe_insert("location", frame=frame)
-        camera.keyframe_insert("rotation_quaternion", frame=frame)

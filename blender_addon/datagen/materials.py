@@ -11,6 +11,7 @@ from blender_addon.datagen.appearance import Colour, linear
 
 GLOW = 0.58
 GLOW_SLOPE = 0.14
+VEIL_COVER = 0.42  # below one half, where Cycles writes id and depth of what is behind
 # Where the glow is strongest: tells the sides of a box apart without a second light.
 GLOW_FROM = np.array([-0.55, -0.75, 0.35]) / np.linalg.norm([-0.55, -0.75, 0.35])
 
@@ -26,6 +27,10 @@ class Palette:
         if colour not in self._materials:
             self._materials[colour] = _flat_material(colour)
         return self._materials[colour]
+
+    def veil(self, colour: Colour) -> bpy.types.Material:
+        """A film of an sRGB colour through which the id and the depth behind it are seen."""
+        return _veil_material(colour)
 
 
 def make_sky(scene: bpy.types.Scene, horizon: Colour, zenith: Colour) -> None:
@@ -75,6 +80,23 @@ def _flat_material(colour: Colour) -> bpy.types.Material:
     links.new(diffuse.outputs[0], both.inputs[0])
     links.new(glow.outputs[0], both.inputs[1])
     links.new(both.outputs[0], output.inputs["Surface"])
+    return material
+
+
+def _veil_material(colour: Colour) -> bpy.types.Material:
+    material = bpy.data.materials.new("veil")
+    material.cycles.emission_sampling = "NONE"
+    nodes, links = _emptied(material)
+    glow = nodes.new("ShaderNodeEmission")
+    clear = nodes.new("ShaderNodeBsdfTransparent")
+    mix = nodes.new("ShaderNodeMixShader")
+    output = nodes.new("ShaderNodeOutputMaterial")
+    glow.inputs["Color"].default_value = linear(colour)
+    # No diffuse part: light would have to choose between the two, and leave noise.
+    mix.inputs["Fac"].default_value = 1 - VEIL_COVER
+    links.new(glow.outputs[0], mix.inputs[1])
+    links.new(clear.outputs[0], mix.inputs[2])
+    links.new(mix.outputs[0], output.inputs["Surface"])
     return material
 
 

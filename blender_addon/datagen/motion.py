@@ -8,13 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from blender_addon.datagen.viewpoints import (
-    Viewpoint,
-    ground_axes,
-    hides_feet,
-    plan_views,
-    shows_person,
-)
+from blender_addon.datagen.viewpoints import Viewpoint, hides_feet, plan_views, shows_person
+from blender_addon.datagen.walk import NoRoomError, Rules, displacement, walk
 
 ACTIONS = ("idle", "left", "right", "forward", "back", "raise_arm")
 PLAYERS = ("player_1", "player_2")
@@ -22,10 +17,8 @@ STEPS_PER_SECOND = 5.0
 FRAMES = 12
 
 STEP_METRES = 0.30
-STEP_SPREAD = 0.08
 ROAM_X, ROAM_Y = 3.2, 2.0
 MINIMUM_GAP = 1.0
-HOLD_STEPS = (2, 5)  # inclusive
 START_X = ((-2.6, -0.6), (0.6, 2.6))
 START_Y = (-1.5, 1.5)
 
@@ -80,18 +73,6 @@ class Plan:
     rng: np.random.Generator
 
 
-@dataclass
-class _Choice:
-    """The action a player holds and for how many more steps."""
-
-    action: int = 0
-    remaining: int = 0
-
-
-class NoRoomError(RuntimeError):
-    """No legal step exists; the caller draws the sequence anew."""
-
-
 def draw_sequence(seed: int, sequence: int) -> Plan:
     """Draw one sequence; the same numbers give the same plan in every process."""
     rng = np.random.default_rng((seed, sequence))
@@ -106,9 +87,7 @@ def draw_sequence(seed: int, sequence: int) -> Plan:
 
 def move(action: int, view: Viewpoint, length: float = STEP_METRES) -> np.ndarray:
     """Displacement (3,) in metres of one step of `action` seen from `view`."""
-    right, forward = ground_axes(view)
-    sideways, away = _CAMERA_DIRECTION[action]
-    return length * (sideways * right + away * forward)
+    return displacement(_RULES, action, view, length)
 
 
 def plan_motion(rng: np.random.Generator, views: list[Viewpoint]) -> Motion:
@@ -117,17 +96,7 @@ def plan_motion(rng: np.random.Generator, views: list[Viewpoint]) -> Motion:
     Raises:
         NoRoomError: A player ran into a corner from which no action is legal.
     """
-    frames = len(views)
-    positions = np.zeros((frames, len(PLAYERS), 3))
-    actions = np.zeros((frames - 1, len(PLAYERS)), dtype=np.int8)
-    positions[0] = _start(rng, views[0])
-    choices = [_Choice() for _ in PLAYERS]
-    for t in range(frames - 1):
-        positions[t + 1] = positions[t]
-        for player, choice in enumerate(choices):
-            step = _next_step(rng, choice, positions[t + 1], player, views[t : t + 2])
-            actions[t, player] = choice.action
-            positions[t + 1, player] += step
+    actions, positions = walk(rng, _RULES, _start(rng, views[0]), views)
     gaits = tuple(_gait(rng, actions[:, player]) for player in range(len(PLAYERS)))
     return Motion(actions, positions, gaits)
 
@@ -141,33 +110,6 @@ def _start(rng: np.random.Generator, view: Viewpoint) -> np.ndarray:
     return feet
 
 
-def _next_step(
-    rng: np.random.Generator,
-    choice: _Choice,
-    feet: np.ndarray,
-    player: int,
-    views: list[Viewpoint],
-) -> np.ndarray:
-    """Keep the held action where it is legal, else draw another; returns its displacement."""
-    length = STEP_METRES * (1 + rng.uniform(-STEP_SPREAD, STEP_SPREAD))
-    order = list(rng.permutation(len(ACTIONS)))
-    hold = int(rng.integers(HOLD_STEPS[0], HOLD_STEPS[1] + 1))
-    if choice.remaining > 0:
-        order.insert(0, choice.action)
-    elif order[0] == choice.action:
-        order.append(order.pop(0))
-    for rank, action in enumerate(order):
-        step = move(int(action), views[0], length)
-        moved = feet.copy()
-        moved[player] += step
-        if _legal(moved, player, views[1]):
-            kept = choice.remaining > 0 and rank == 0
-            choice.remaining = choice.remaining - 1 if kept else hold - 1
-            choice.action = int(action)
-            return step
-    raise NoRoomError(f"{PLAYERS[player]} cannot move and cannot stay")
-
-
 def _legal(feet: np.ndarray, player: int, view: Viewpoint) -> bool:
     x, y, _ = feet[player]
     others = np.delete(feet, player, axis=0)
@@ -175,6 +117,9 @@ def _legal(feet: np.ndarray, player: int, view: Viewpoint) -> bool:
     inside = abs(x) <= ROAM_X and abs(y) <= ROAM_Y
     seen = shows_person(view, feet[player]) and not hides_feet(view, feet)
     return bool(inside and gap >= MINIMUM_GAP and seen)
+
+
+_RULES = Rules(PLAYERS, _CAMERA_DIRECTION, STEP_METRES, _legal)
 
 
 def _gait(rng: np.random.Generator, actions: np.ndarray) -> Gait:

@@ -40,8 +40,8 @@ def prepare(scene: bpy.types.Scene, width: int, height: int, samples: int, file:
         scene: Its engine, film and output settings are overwritten.
         width: Pixel columns of the pictures.
         height: Pixel rows.
-        samples: Cycles samples of each of the grid's rays; 1 is exact for `duel`, scenes with
-            soft light need more.
+        samples: Cycles samples of each of the grid's rays; 1 is exact for the built-in
+            scenes, those with soft light need more.
         file: Where the raw render goes, rewritten for every picture.
     """
     render, cycles = scene.render, scene.cycles

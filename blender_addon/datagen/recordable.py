@@ -89,7 +89,7 @@ def open_blend(path: Path) -> Recordable:
         EpisodeError: If the file is missing, cannot be opened, or marks no playable object.
     """
     if not path.is_file():
-        raise EpisodeError(f"scene {path} does not exist; give a .blend file or the name duel")
+        raise EpisodeError(f"scene {path} does not exist; give a .blend file")
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False)
     except RuntimeError as error:

@@ -69,18 +69,32 @@ def camera_axes(view: Viewpoint) -> np.ndarray:
     return np.stack([right, np.cross(forward, right), forward], axis=1)
 
 
-def shows_person(view: Viewpoint, foot: np.ndarray) -> bool:
-    """Whether a person standing at `foot` (3,) is wholly in the picture and large enough."""
+def shows_person(
+    view: Viewpoint,
+    foot: np.ndarray,
+    smallest: float = SMALLEST_PERSON,
+    reach: float = _REACH,
+    top: float = _TOP,
+) -> bool:
+    """Whether a person standing at `foot` (3,) is wholly in the picture and large enough.
+
+    Args:
+        view: The camera.
+        foot: Ground point in metres.
+        smallest: Height of a person as a share of the picture's.
+        reach: Metres to each side that must be in the picture.
+        top: Metres above the ground that must be.
+    """
     rotation = camera_axes(view)
     right, _ = ground_axes(view)
-    corners = [foot + side * _REACH * right + (0, 0, z) for side in (-1, 1) for z in (0, _TOP)]
+    corners = [foot + side * reach * right + (0, 0, z) for side in (-1, 1) for z in (0, top)]
     corners += [foot, foot + (0, 0, PERSON_HEIGHT)]
     in_camera = (np.array(corners) - view.eye) @ rotation
     # One unit = the picture's height; the origin is the picture's centre.
     focal = 0.5 * ASPECT / np.tan(view.field_of_view / 2)
     x, y = focal * in_camera[:, :2].T / in_camera[:, 2]
     inside = (abs(x) <= ASPECT / 2 - MARGIN).all() and (abs(y) <= 0.5 - MARGIN).all()
-    return bool(inside and y[-2] - y[-1] >= SMALLEST_PERSON)
+    return bool(inside and y[-2] - y[-1] >= smallest)
 
 
 def hides_feet(view: Viewpoint, feet: np.ndarray) -> bool:

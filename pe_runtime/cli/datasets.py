@@ -22,9 +22,9 @@ Folder = Annotated[Path, typer.Argument(help="The data set's folder.")]
 def record(
     output: Annotated[Path, typer.Option("--out", "-o", help="Folder of the data set.")],
     sequences: Annotated[int, typer.Option(min=1, help="Number of episodes.")],
-    scene: Annotated[str, typer.Option(help="duel, or a .blend file with playable objects.")] = (
-        "duel"
-    ),
+    scene: Annotated[
+        str, typer.Option(help="duel, court, static-court, or a .blend file with playable objects.")
+    ] = ("duel"),
     seed: Annotated[int, typer.Option(help="Decides everything random.")] = 0,
     size: Annotated[str, typer.Option(help="Pixels.")] = "256x144",
     views: Annotated[int, typer.Option(min=1, max=2, help="Cameras to record.")] = 1,
