@@ -5,7 +5,16 @@ from collections.abc import Sequence
 
 import typer
 
-from pe_runtime.cli import datasets, doors, extension, interop, pictures, playing, training
+from pe_runtime.cli import (
+    datasets,
+    doors,
+    evaluation,
+    extension,
+    interop,
+    pictures,
+    playing,
+    training,
+)
 from pe_runtime.cli.benchmark import bench
 from pe_runtime.cli.clusters import ClusterCommand
 from pe_runtime.cli.terminal import complain, shared
@@ -27,7 +36,8 @@ def build_app() -> typer.Typer:
     app.command(cls=ClusterCommand)(shared(pictures.render))
     app.add_typer(datasets.app, name="dataset")
     app.add_typer(training.app, name="train")
-    app.command()(shared(training.evaluate))
+    training.app.command("detector")(shared(evaluation.train_detector))
+    app.command()(shared(evaluation.evaluate))
     app.command()(shared(bench))
     app.command()(shared(interop.import_official))
     app.add_typer(extension.app, name="extension")

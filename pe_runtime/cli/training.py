@@ -1,7 +1,6 @@
-"""`pe train` and `pe evaluate`."""
+"""`pe train synthesis` and `pe train actions`."""
 
 import dataclasses
-import json
 import os
 from pathlib import Path
 from typing import Annotated
@@ -9,8 +8,7 @@ from typing import Annotated
 import typer
 
 from pe_runtime.cli.option_groups import grouped
-from pe_runtime.cli.pictures import DEFAULT_MODEL, Model
-from pe_runtime.cli.terminal import device, progress, shared, show
+from pe_runtime.cli.terminal import shared, show
 from pe_runtime.cli.watching import watching
 from pe_runtime.contract.errors import ConfigError
 
@@ -94,23 +92,6 @@ def actions(
     with watching(watch) as told:
         file = train_model_actions(checkpoint, load_clips(data), training, output, resume, *told)
     show({"model": str(file)})
-
-
-def evaluate(
-    data: Annotated[Path, typer.Option(help="Recorded data set the model has not seen.")],
-    model: Model = DEFAULT_MODEL,
-    limit: Annotated[int | None, typer.Option(min=1, help="Only so many sequences.")] = None,
-    every: Annotated[int, typer.Option(min=1, help="Draw each n-th frame of a sequence.")] = 3,
-) -> None:
-    """Measure a model on held-out sequences: pictures, actions, positions."""
-    from pe_runtime.environment import PlayableEnvironment
-    from pe_runtime.evaluation.protocol import evaluate as measure
-    from pe_runtime.evaluation.tables import as_json, as_table
-
-    environment = PlayableEnvironment.load(model, device())
-    with progress("sequences") as report:
-        figures = measure(environment, data, limit, every, report)
-    show(json.loads(as_json(figures)), as_table(figures))
 
 
 def _let_threads_sleep() -> None:

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
-RESAMPLES = 200
+from pe_runtime.evaluation.rules import RULES
+
+RESAMPLES = RULES.resamples
 
 
 @dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Figure:
 
 
 def bootstrap(
-    sequences: Sequence[Any], measure: Callable[[Sequence[Any]], float], seed: int = 0
+    sequences: Sequence[Any], measure: Callable[[Sequence[Any]], float], seed: int = RULES.seed
 ) -> Figure:
     """Measure all sequences, then sets of as many drawn from them with replacement.
 
@@ -49,7 +51,7 @@ def bootstrap(
     return Figure(float(measure(sequences)), float(low), float(high), count)
 
 
-def bootstrap_mean(values: Sequence[float], seed: int = 0) -> Figure:
+def bootstrap_mean(values: Sequence[float], seed: int = RULES.seed) -> Figure:
     """The mean of one value per sequence; sequences whose value is NaN are left out."""
     told = [value for value in values if not math.isnan(value)]
     return bootstrap(told, lambda drawn: float(np.mean(drawn)), seed)

@@ -9,6 +9,7 @@ from pe_runtime.contract.episode import Episode
 from pe_runtime.environment import RenderOptions
 from pe_runtime.evaluation.displacement import put_back
 from pe_runtime.evaluation.poses import with_poses
+from pe_runtime.evaluation.rules import RULES
 from pe_runtime.evaluation.subject import (
     RECORDED_VIEW,
     Evaluated,
@@ -20,7 +21,7 @@ from pe_runtime.evaluation.subject import (
 from pe_runtime.evaluation.visual import box_mask, psnr
 from pe_runtime.state import EnvironmentState, restyle
 
-OPAQUE = 0.5
+OPAQUE = RULES.opaque
 """Share of a pixel above which it counts as the object's."""
 
 

@@ -7,9 +7,10 @@ import torch
 from jaxtyping import Float, Int
 
 from pe_runtime.action.movement import ground_axes, movements
+from pe_runtime.evaluation.rules import RULES
 
 MOST_NEIGHBOURS = 15
-SLOWEST_WALK = 0.1
+SLOWEST_WALK = RULES.slowest_walk
 """Metres per step below which an action's mean movement is no walking."""
 
 

@@ -1,6 +1,6 @@
 """What one recorded sequence says about a model: its pictures and its players' tracks."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,14 +119,31 @@ def _follow(
     environment: Evaluated, episode: Episode, states: Sequence[EnvironmentState]
 ) -> dict[str, Track]:
     """Motion of every player in a sequence that shows all of them all the time."""
-    arrays, names = episode.arrays, episode.info.objects
     cameras = cameras_of(episode)
     inferred = environment.infer_actions(states, cameras)
+    played = roll_out(environment, states[0], inferred, cameras)
+    return tracks_of(episode, states, inferred, played)
+
+
+def tracks_of(
+    episode: Episode,
+    states: Sequence[EnvironmentState],
+    inferred: Mapping[str, np.ndarray],
+    played: Sequence[EnvironmentState],
+) -> dict[str, Track]:
+    """What a sequence's states and their rollout say about each player's motion.
+
+    Args:
+        episode: The sequence.
+        states: Encoded from every frame.
+        inferred: Actions by player.
+        played: The first state and what follows from the actions.
+    """
+    arrays, names = episode.arrays, episode.info.objects
     moves = camera_relative_movements(arrays.positions, arrays.world_from_camera[RECORDED_VIEW])
-    seen = positions_of(states, names)
-    played = positions_of(roll_out(environment, states[0], inferred, cameras), names)
+    seen, rolled = positions_of(states, names), positions_of(played, names)
     still = np.broadcast_to(seen[:1], seen.shape)
-    errors = [position_errors(each, arrays.positions) for each in (seen, played, still)]
+    errors = [position_errors(each, arrays.positions) for each in (seen, rolled, still)]
     return {
         name: Track(
             moves[:, index],

@@ -53,9 +53,20 @@ def as_table(report: dict[str, Any]) -> Table:
     for key, (label, unit) in FIGURES.items():
         figure = report["figures"].get(key)
         if figure is not None:
-            interval = f"{_number(figure['low'])} .. {_number(figure['high'])}"
-            table.add_row(label, _number(figure["value"]), interval, unit)
+            interval = f"{number(figure['low'])} .. {number(figure['high'])}"
+            table.add_row(label, number(figure["value"]), interval, unit)
     return table
+
+
+def as_lines(report: dict[str, Any]) -> str:
+    """The same table in Markdown."""
+    lines = ["| figure | value | 95 % interval | unit |", "| --- | --- | --- | --- |"]
+    for key, (label, unit) in FIGURES.items():
+        figure = report["figures"].get(key)
+        if figure is not None:
+            value, low, high = (number(figure[name]) for name in ("value", "low", "high"))
+            lines.append(f"| {label} | {value} | {low} .. {high} | {unit} |")
+    return "\n".join(lines) + "\n"
 
 
 def as_json(report: dict[str, Any]) -> str:
@@ -63,7 +74,8 @@ def as_json(report: dict[str, Any]) -> str:
     return json.dumps(_without_nan(report), indent=2, allow_nan=False)
 
 
-def _number(value: float) -> str:
+def number(value: float) -> str:
+    """Three digits behind the point below 10, two above; a dash for what could not be told."""
     return "-" if math.isnan(value) else f"{value:.3f}" if abs(value) < 10 else f"{value:.2f}"
 
 
