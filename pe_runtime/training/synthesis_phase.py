@@ -70,7 +70,9 @@ class SynthesisPhase:
             [{"params": rest}, {"params": decoder}], betas=(0.9, 0.99)
         )
         size = (config.patch_height, config.patch_width)
-        self.perceptual = build_perceptual(config, min(size) - 2 * BORDER).to(self.device)
+        # Without a ConvNet a pixel is as good at the rim as elsewhere.
+        self.rim = 0 if networks.config.feature_renderer.design == "direct" else BORDER
+        self.perceptual = build_perceptual(config, min(size) - 2 * self.rim).to(self.device)
         frame = (clips.images.shape[2], clips.images.shape[3])
         self.patches = patch_plan(networks.config, config, clips.players, frame)
         self.octaves = OctaveWindows(networks, config.octaves_until, config.bending_octaves_until)
@@ -101,7 +103,7 @@ class SynthesisPhase:
         self.team.average_gradients(self.networks.parameters())
         norm = torch.nn.utils.clip_grad_norm_(self.networks.parameters(), self.config.clip)
         logs |= {"loss": float(loss.detach()), "gradient": float(norm), "rate": rate}
-        logs = self.team.means(logs)
+        logs = _with_psnr(self.team.means(logs))
         if not all(math.isfinite(each) for each in logs.values()):
             raise BrokenStepError(logs, _evidence(everyone, corners))
         self.optimiser.step()
@@ -154,7 +156,8 @@ class SynthesisPhase:
         return images, codes
 
     def _loss(self, images: Tensor, targets: Tensor) -> tuple[Tensor, Log]:
-        inner = (..., slice(BORDER, -BORDER), slice(BORDER, -BORDER))
+        height, width = images.shape[-2:]
+        inner = (..., slice(self.rim, height - self.rim), slice(self.rim, width - self.rim))
         images, targets = images[inner], targets[inner]
         squared = (images - targets).square().mean()
         gradient = gradient_distance(images, targets)
@@ -162,8 +165,7 @@ class SynthesisPhase:
         config = self.config
         loss = squared + config.gradient_weight * gradient
         loss = loss + config.perceptual_weight * perceptual
-        psnr = -10 * torch.log10(squared.detach().clamp(min=1e-10))
-        return loss, {"psnr_patch": float(psnr), "perceptual": float(perceptual.detach())}
+        return loss, {"squared": float(squared.detach()), "perceptual": float(perceptual.detach())}
 
     def _anchor(self, codes: Mapping[str, Codes]) -> Tensor:
         """Nothing, that depends on the codes of all objects that any of the processes has drawn.
@@ -243,6 +245,12 @@ def _check_fit(model: ModelConfig, clips: Clips, config: SynthesisConfig) -> Non
                 f"synthesis.{name} must be a multiple of {coarsest} (the coarsest stride) and at "
                 f"most {frame} (the frames), found {patch}"
             )
+
+
+def _with_psnr(figures: Log) -> Log:
+    """Figures with a PSNR in dB in place of the mean squared error."""
+    rest = {name: value for name, value in figures.items() if name != "squared"}
+    return {"psnr_patch": -10 * math.log10(max(figures["squared"], 1e-10))} | rest
 
 
 def _permuted(codes: Codes, frames: int) -> Codes:
