@@ -4,11 +4,12 @@ from collections.abc import Callable
 from functools import partial
 
 from blender_addon.datagen.court import build_court
-from blender_addon.datagen.duel import build_duel
+from blender_addon.datagen.duel import build_duel, build_duel_camera
 from blender_addon.datagen.recordable import Recordable
 
 _BUILDERS: dict[str, Callable[[int, int], Recordable]] = {
     "duel": build_duel,
+    "duel-camera": build_duel_camera,
     "court": build_court,
     "static-court": partial(build_court, static=True),
 }

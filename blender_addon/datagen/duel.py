@@ -4,6 +4,8 @@ The sequence number and the seed decide everything: the same pair gives the same
 process. World: metres, Z up; frames run from 1.
 """
 
+from dataclasses import replace
+
 import bpy
 import numpy as np
 
@@ -18,6 +20,7 @@ from blender_addon.datagen.motion import (
     Plan,
     draw_sequence,
 )
+from blender_addon.datagen.neighbourhood import explore
 from blender_addon.datagen.people import Person, build_person, key_person
 from blender_addon.datagen.recordable import PLAYABLE, Recordable
 from blender_addon.datagen.staging import add_camera, add_sun, empty_scene
@@ -37,6 +40,19 @@ _PANEL_Z = (0.6, 2.7)
 def build_duel(seed: int, sequence: int) -> Recordable:
     """Empty Blender and build one sequence of `duel` in it."""
     return build_planned(draw_sequence(seed, sequence), "duel")
+
+
+def build_duel_camera(seed: int, sequence: int) -> Recordable:
+    """Empty Blender and build one sequence of `duel` whose second camera explores.
+
+    What the first camera sees is the sequence of `duel` with the same numbers.
+    """
+    plan = draw_sequence(seed, sequence)
+    # A source of its own: the colours drawn next must be those of `duel`.
+    rng = np.random.default_rng((seed, sequence, 1))
+    first, _ = plan.views
+    views = first, explore(rng, first, plan.motion.positions)
+    return build_planned(replace(plan, views=views), "duel-camera")
 
 
 def build_planned(plan: Plan, name: str) -> Recordable:

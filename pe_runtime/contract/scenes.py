@@ -5,4 +5,4 @@ court          tennis as television shows it: two players, a camera that pans an
 static-court   the same from a fixed camera, one player, one set of colours
 """
 
-BUILT_IN_SCENES = {"duel": 1, "court": 1, "static-court": 1}
+BUILT_IN_SCENES = {"duel": 1, "duel-camera": 2, "court": 1, "static-court": 1}
