@@ -26,7 +26,7 @@ LAYERS = (
     ("kept_frames", "fair_threads"),
     ("admission", "environment"),
     ("shots", "mesh"),
-    ("training", "evaluation", "interop", "footage", "recording", "cluster", "vgg"),
+    ("training", "evaluation", "interop", "footage", "recording", "curation", "cluster", "vgg"),
     ("benchmark", "worker", "demo", "play"),
     ("cli",),
 )

@@ -5,48 +5,152 @@ import functools
 import inspect
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.text import Text
 
 from pe_runtime.cli.terminal import parse_size, progress, shared, show
 from pe_runtime.contract.errors import EpisodeError
+from pe_runtime.contract.scenes import BUILT_IN_SCENES
+from pe_runtime.curation.splits import SEED_OFFSETS, parse_splits, split_folders
 
-app = typer.Typer(help="Record or import training data, and say what a data set holds.")
+if TYPE_CHECKING:
+    from pe_runtime.recording import RecordingJob
+
+app = typer.Typer(help="Record, import or disturb training data, and say what a data set holds.")
 Folder = Annotated[Path, typer.Argument(help="The data set's folder.")]
+
+
+@dataclasses.dataclass(frozen=True)
+class RecordChoices:
+    """The options of `pe dataset record`."""
+
+    sequences: Annotated[
+        int | None, typer.Option(min=1, help="Number of episodes of one data set.")
+    ] = None
+    splits: Annotated[
+        str | None,
+        typer.Option(
+            help="Record parts instead, such as train=80,val=8,test=16; their seeds are --seed "
+            "plus 1, 2 and 3."
+        ),
+    ] = None
+    seed: Annotated[int, typer.Option(help="Decides everything random.")] = 0
+    size: Annotated[str, typer.Option(help="Pixels.")] = "256x144"
+    views: Annotated[
+        int | None,
+        typer.Option(
+            min=1, max=2, help="Cameras to record; default: the scene's, and 2 for val and test."
+        ),
+    ] = None
+    processes: Annotated[
+        int | None, typer.Option(min=1, help="Blenders at once; default: one per core.")
+    ] = None
+
+
+@dataclasses.dataclass(frozen=True)
+class NoiseChoices:
+    """The options of `pe dataset disturb`."""
+
+    camera_degrees: Annotated[
+        float, typer.Option(min=0, help="Rotation of the camera, about each axis.")
+    ] = 0.2
+    camera_metres: Annotated[
+        float, typer.Option(min=0, help="Place of the camera, along each axis.")
+    ] = 0.05
+    focal: Annotated[float, typer.Option(min=0, help="Focal length, as a share of it.")] = 0.005
+    box_pixels: Annotated[float, typer.Option(min=0, help="Each edge of a box.")] = 1.0
+    outliers: Annotated[
+        float, typer.Option(min=0, max=1, help="Share of boxes that are off by up to a third.")
+    ] = 0.02
+    dropout: Annotated[
+        float, typer.Option(min=0, max=1, help="Share of boxes that are missing.")
+    ] = 0.05
+
+
+def _choosing(kind: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Give a command the fields of a dataclass as options; it gets them as `choices`."""
+    names = [each.name for each in dataclasses.fields(kind)]
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        @functools.wraps(command)
+        def run(**given: Any) -> None:  # noqa: ANN401
+            chosen = kind(**{name: given.pop(name) for name in names})
+            command(**given, choices=chosen)
+
+        own = dict(inspect.signature(command).parameters)
+        del own["choices"]
+        parameters = [*own.values(), *inspect.signature(kind).parameters.values()]
+        # Typer reads the signature and the annotations to build the options.
+        run.__signature__ = inspect.Signature(
+            [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in parameters]
+        )
+        run.__annotations__ = {each.name: each.annotation for each in parameters}
+        return run
+
+    return decorate
 
 
 @app.command()
 @shared
+@_choosing(RecordChoices)
 def record(
     output: Annotated[Path, typer.Option("--out", "-o", help="Folder of the data set.")],
-    sequences: Annotated[int, typer.Option(min=1, help="Number of episodes.")],
     scene: Annotated[
-        str, typer.Option(help="duel, court, static-court, or a .blend file with playable objects.")
-    ] = ("duel"),
-    seed: Annotated[int, typer.Option(help="Decides everything random.")] = 0,
-    size: Annotated[str, typer.Option(help="Pixels.")] = "256x144",
-    views: Annotated[int, typer.Option(min=1, max=2, help="Cameras to record.")] = 1,
-    processes: Annotated[
-        int | None, typer.Option(min=1, help="Blenders at once; default: one per core.")
-    ] = None,
+        str, typer.Option(help=f"{', '.join(BUILT_IN_SCENES)}, or a .blend file.")
+    ] = "duel",
+    *,
+    choices: RecordChoices,
 ) -> None:
     """Let Blender record episodes; complete ones are kept, so it may be interrupted."""
-    from pe_runtime.recording import RecordingJob
     from pe_runtime.recording import record as record_episodes
 
-    job = RecordingJob(scene, sequences, seed, parse_size(size), output, views)
-    with progress("episodes") as report:
-        record_episodes(job, processes, on_progress=report)
+    for split, job in _recording_jobs(output, scene, choices).items():
+        with progress(f"{split} episodes".strip()) as report:
+            record_episodes(job, choices.processes, on_progress=report)
     _tell(output)
 
 
 @app.command()
 @shared
-def info(dataset: Folder) -> None:
-    """Say what a data set holds."""
+def info(
+    dataset: Folder,
+    sheet: Annotated[
+        Path | None, typer.Option(help="Also write a contact sheet with boxes, a PNG.")
+    ] = None,
+) -> None:
+    """Say what a data set holds, or each of its parts train, val and test."""
+    if sheet is not None:
+        from pe_runtime.curation.sheet import write_dataset_sheet
+
+        write_dataset_sheet(split_folders(dataset), sheet)
     _tell(dataset)
+
+
+@app.command()
+@shared
+@_choosing(NoiseChoices)
+def disturb(
+    dataset: Folder,
+    output: Annotated[Path, typer.Option("--out", "-o", help="Folder of the noisy copy.")],
+    seed: Annotated[int, typer.Option(help="Decides the noise.")] = 0,
+    *,
+    choices: NoiseChoices,
+) -> None:
+    """Copy a data set with noise on its cameras and boxes, given as standard deviations.
+
+    The pictures are the same files where the disk allows it; the true cameras and boxes stay
+    beside the noisy ones.
+    """
+    from pe_runtime.curation.disturbing import disturb_dataset
+    from pe_runtime.curation.noise import Noise
+
+    noise = Noise(**dataclasses.asdict(choices))
+    for split, folder in split_folders(dataset).items():
+        with progress(f"{split} episodes".strip()) as report:
+            disturb_dataset(folder, output / split, noise, seed, report)
+    _tell(output)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,29 +189,6 @@ class ImportChoices:
     ] = False
 
 
-def _choosing(kind: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command the fields of a dataclass as options; it gets them as `choices`."""
-    names = [each.name for each in dataclasses.fields(kind)]
-
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        @functools.wraps(command)
-        def run(**given: Any) -> None:  # noqa: ANN401
-            chosen = kind(**{name: given.pop(name) for name in names})
-            command(**given, choices=chosen)
-
-        own = dict(inspect.signature(command).parameters)
-        del own["choices"]
-        parameters = [*own.values(), *inspect.signature(kind).parameters.values()]
-        # Typer reads the signature and the annotations to build the options.
-        run.__signature__ = inspect.Signature(
-            [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in parameters]
-        )
-        run.__annotations__ = {each.name: each.annotation for each in parameters}
-        return run
-
-    return decorate
-
-
 @app.command()
 @shared
 @_choosing(ImportChoices)
@@ -143,23 +224,32 @@ def _splits(text: str | None) -> tuple[str, ...] | None:
     return None if text is None else tuple(each.strip() for each in text.split(","))
 
 
-def _tell(dataset: Path) -> None:
-    from pe_runtime.contract.episode import read_dataset, read_episode
+def _recording_jobs(output: Path, scene: str, choices: RecordChoices) -> "dict[str, RecordingJob]":
+    """What to record, by the name of the split; "" for a single data set."""
+    from pe_runtime.recording import RecordingJob
 
-    facts, folders = read_dataset(dataset)
-    lengths = [read_episode(folder).arrays.frames for folder in folders]
-    show(
-        {
-            "folder": str(dataset),
-            "scene": facts.scene,
-            "seed": facts.seed,
-            "complete_episodes": len(folders),
-            "episodes": facts.count,
-            "frames": sum(lengths) * facts.views,
-            "size": f"{facts.width}x{facts.height}",
-            "views": facts.views,
-            "steps_per_second": facts.steps_per_second,
-            "objects": list(facts.objects),
-            "actions": list(facts.actions),
-        }
-    )
+    if (choices.sequences is None) == (choices.splits is None):
+        raise EpisodeError(
+            "recording: give either --sequences 100 or --splits train=80,val=8,test=16"
+        )
+    size, usual = parse_size(choices.size), BUILT_IN_SCENES.get(scene, 1)
+    if choices.splits is None:
+        views = choices.views or usual
+        return {"": RecordingJob(scene, choices.sequences, choices.seed, size, output, views)}
+    jobs = {}
+    for split, count in parse_splits(choices.splits).items():
+        # A second view is the ground truth of novel views; training never looks at it.
+        views = choices.views or (usual if split == "train" else 2)
+        seed = choices.seed + SEED_OFFSETS[split]
+        jobs[split] = RecordingJob(scene, count, seed, size, output / split, views)
+    return jobs
+
+
+def _tell(dataset: Path) -> None:
+    from pe_runtime.cli.dataset_table import as_facts_table
+    from pe_runtime.curation.facts import read_facts
+
+    facts = {split: read_facts(folder) for split, folder in split_folders(dataset).items()}
+    told = {split: each.as_dict() for split, each in facts.items()}
+    result = told[""] if "" in told else {"splits": told}
+    show({"folder": str(dataset), **result}, as_facts_table(str(dataset), facts))
