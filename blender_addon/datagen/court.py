@@ -4,6 +4,8 @@ The sequence number and the seed decide everything: the same pair gives the same
 process. World: metres, Z up; frames run from 1.
 """
 
+import numpy as np
+
 from blender_addon.datagen.athletes import build_athlete, key_athlete
 from blender_addon.datagen.kits import draw_kits, uniform_kit
 from blender_addon.datagen.materials import Palette, forbid_bounces, make_sky
@@ -12,6 +14,7 @@ from blender_addon.datagen.recordable import Recordable
 from blender_addon.datagen.stadium import build_stadium, draw_stadium, usual_stadium
 from blender_addon.datagen.staging import add_camera, add_sun, empty_scene
 
+_STATIC_SUN = 1  # the seed of the one sun of `static-court`
 _SKY = (0.82, 0.88, 0.94), (0.45, 0.64, 0.88)
 
 
@@ -22,7 +25,7 @@ def build_court(seed: int, sequence: int, static: bool = False) -> Recordable:
     palette = Palette()
     build_stadium(scene, usual_stadium() if static else draw_stadium(plan.rng), palette)
     make_sky(scene, *_SKY)
-    add_sun(scene, plan.rng)
+    add_sun(scene, np.random.default_rng(_STATIC_SUN) if static else plan.rng)
     kits = (uniform_kit(),) if static else draw_kits(plan.rng, len(plan.players))
     for k, (name, kit) in enumerate(zip(plan.players, kits, strict=True)):
         athlete = build_athlete(scene, name, kit, palette)
