@@ -1,7 +1,18 @@
 import pytest
 import torch
+from small_world import small_clips, small_config, small_training
+from thin_vgg import write_vgg
 
-from pe_runtime.training.perceptual import RandomFeatures, gradient_distance
+from pe_runtime.contract.errors import CheckpointError, ConfigError
+from pe_runtime.networks import SynthesisNetworks
+from pe_runtime.training.perceptual import (
+    RandomFeatures,
+    VggDistance,
+    build_perceptual,
+    gradient_distance,
+)
+from pe_runtime.training.synthesis_phase import SynthesisPhase
+from pe_runtime.vgg import load_vgg
 
 
 def pictures(seed=0, size=(16, 12), frames=2):
@@ -72,3 +83,58 @@ def test_gradient_distance_by_hand():
     step[..., 2] = 0.6
     assert float(gradient_distance(step, torch.zeros_like(step))) == pytest.approx(0.3)
     assert float(gradient_distance(step, step + 0.2)) == pytest.approx(0, abs=1e-7)
+
+
+def test_the_vgg_distance_is_the_sum_of_the_layers_mean_differences(tmp_path):
+    features = load_vgg(write_vgg(tmp_path / "vgg.pth"))
+    images, targets = pictures(size=(16, 16)), pictures(1, (16, 16))
+    pairs = zip(features(images), features(targets), strict=True)
+    wanted = sum(float((a - b).abs().mean()) for a, b in pairs)
+    assert float(VggDistance(features)(images, targets)) == pytest.approx(wanted, rel=1e-5)
+    assert float(VggDistance(features)(images, images)) == 0
+
+
+def test_gradients_of_the_vgg_distance_reach_the_picture_and_never_the_target(tmp_path):
+    features = load_vgg(write_vgg(tmp_path / "vgg.pth"))
+    image, target = (pictures(n, (16, 16)).requires_grad_() for n in (0, 1))
+    VggDistance(features)(image, target).backward()
+    assert image.grad.abs().max() > 0
+    assert target.grad is None
+
+
+def test_random_features_stand_in_where_no_vgg_is_given():
+    assert isinstance(build_perceptual(small_training(), 8), RandomFeatures)
+
+
+@pytest.mark.parametrize("asked", ["vgg", "vgg16"])
+def test_a_training_compares_vgg_features_where_there_are_some(tmp_path, asked):
+    path = str(write_vgg(tmp_path / "vgg.safetensors"))
+    training = small_training(
+        perceptual=asked, perceptual_weights=path, patch_height=24, patch_width=24
+    )
+    networks = SynthesisNetworks(small_config(width=40, height=24))
+    phase = SynthesisPhase(networks, small_clips(), None, training)
+    assert isinstance(phase.perceptual, VggDistance)
+    torch.manual_seed(0)
+    figures = phase.step(0.5)
+    assert 0 < figures["perceptual"] < float("inf")
+    assert not any("perceptual" in name or "vgg" in name for name in phase.tensors())
+
+
+def test_a_vgg_of_another_depth_than_asked_for_is_refused(tmp_path):
+    path = str(write_vgg(tmp_path / "vgg.pth", "vgg19"))
+    with pytest.raises(ConfigError, match="'vgg16', but .* is a vgg19"):
+        build_perceptual(small_training(perceptual="vgg16", perceptual_weights=path), 64)
+
+
+def test_patches_too_small_for_a_vgg_are_refused_before_training(tmp_path):
+    path = str(write_vgg(tmp_path / "vgg.pth"))
+    with pytest.raises(ConfigError, match="16 pixels or more; patches leave 8"):
+        build_perceptual(small_training(perceptual="vgg", perceptual_weights=path), 8)
+
+
+def test_a_vgg_without_a_file_or_of_a_missing_one_is_refused():
+    with pytest.raises(ConfigError, match="perceptual_weights"):
+        small_training(perceptual="vgg19")
+    with pytest.raises(CheckpointError, match="no VGG weights"):
+        build_perceptual(small_training(perceptual="vgg", perceptual_weights="nowhere.pth"), 64)

@@ -11,7 +11,7 @@ from small_world import small_clips, small_config, small_training
 from pe_runtime.checkpoint import load_checkpoint, save_checkpoint
 from pe_runtime.contract.errors import CheckpointError, ConfigError
 from pe_runtime.networks import SynthesisNetworks
-from pe_runtime.training.loop import METRICS, Schedule, run
+from pe_runtime.training.loop import METRICS, BrokenStepError, Schedule, TrainingError, run
 from pe_runtime.training.synthesis_phase import SynthesisPhase, load_synthesis, prefixed
 from pe_runtime.training.synthesis_run import RunOptions, train_synthesis
 
@@ -203,6 +203,84 @@ def test_an_interrupted_and_resumed_run_equals_an_uninterrupted_one_to_the_bit(t
     wanted, found = whole.tensors(), resumed.tensors()
     assert wanted.keys() == found.keys()
     assert [n for n in wanted if not torch.equal(wanted[n], found[n])] == []
+
+
+def test_a_pixel_that_is_no_number_breaks_the_step_before_it_touches_a_weight(
+    tmp_path, monkeypatch
+):
+    trained = phase(steps=6)
+    sample, count = trained._sample, iter(range(9))
+
+    def spoiled():
+        batch = sample()
+        if next(count) == 2:
+            batch.images[1, :, 5:, :] = NAN
+        return batch
+
+    monkeypatch.setattr(trained, "_sample", spoiled)
+    seen = {}
+
+    def remember(moment):
+        seen.update({n: t.detach().clone() for n, t in trained.networks.named_parameters()})
+        seen["moment"] = trained.optimiser.state_dict()["state"][0]["exp_avg"].clone()
+
+    schedule = Schedule(steps=6, seed=7, checkpoint_every=2)
+    with pytest.raises(TrainingError, match=r"step 2: .*loss.* not finite.*broken-0000002"):
+        run(trained, tmp_path, schedule, on_step=remember)
+    assert all(torch.equal(seen[n], p) for n, p in trained.networks.named_parameters())
+    assert torch.equal(trained.optimiser.state_dict()["state"][0]["exp_avg"], seen["moment"])
+    header, tensors = load_checkpoint(tmp_path / "broken-0000002.safetensors")
+    assert (header["step"], header["seed"], header["figures"]["loss"]) == (2, 7, "nan")
+    assert tensors["images"].isnan().flatten(1).any(dim=1).tolist() == [False, True, False, False]
+    shapes = {name: tuple(each.shape) for name, each in tensors.items() if name != "images"}
+    assert shapes == {
+        "boxes": (4, 2, 4),
+        "corners": (4, 2),
+        "intrinsics": (4, 3, 3),
+        "world_from_camera": (4, 4, 4),
+    }
+    torch.manual_seed(7 * 1_000_003 + 2)
+    again = sample()
+    assert torch.equal(again.boxes, tensors["boxes"])
+    assert load_checkpoint(tmp_path / "checkpoint.safetensors")[0]["step"] == 2
+
+
+def test_a_gradient_that_is_not_finite_breaks_the_step_as_well():
+    trained = phase()
+    output = trained.networks.fields["ground"].output.weight
+    output.register_hook(lambda gradient: gradient * NAN)
+    before = output.detach().clone()
+    with pytest.raises(BrokenStepError, match="gradient is not finite"):
+        steps(trained, 1)
+    assert torch.equal(output, before)
+
+
+def test_noise_on_densities_falls_to_none_where_it_should():
+    fixed, falling = phase(density_noise=2.0), phase(density_noise=2.0, density_noise_until=0.5)
+    assert [fixed._noise(p) for p in (0.0, 0.9)] == [2, 2]
+    assert [falling._noise(p) for p in (0.0, 0.25, 0.5, 0.9)] == [2, 1, 0, 0]
+
+
+def test_the_learning_rates_that_are_asked_for_are_taken():
+    (log,) = steps(phase(rates="constant", warmup=0, steps=10), 1, start=9)
+    assert log["rate"] == pytest.approx(2e-3)
+    (log,) = steps(phase(rates="exponential", last_rate=0.1, warmup=0, steps=10), 1, start=5)
+    assert log["rate"] == pytest.approx(2e-3 * 0.1**0.5)
+
+
+def test_a_sheet_shows_target_drawn_and_drawn_with_another_pose():
+    trained = phase(held_out=CLIPS)
+    assert trained.sheet() is None
+    trained.evaluate()
+    sheet, gap = trained.sheet(), 2
+    rows = 3 * 2
+    assert sheet.shape == (rows * (24 + gap) - gap, 3 * (40 + gap) - gap, 3)
+    target = CLIPS.images[1, 3].float() / 255
+    bottom = sheet[-24:]
+    torch.testing.assert_close(bottom[:, :40], target)
+    drawn, swapped = bottom[:, 42:82], bottom[:, 84:]
+    assert not torch.equal(drawn, target)
+    assert not torch.equal(drawn, swapped)
 
 
 def test_measurements_say_how_good_whole_frames_and_player_boxes_are():
