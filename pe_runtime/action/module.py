@@ -91,6 +91,30 @@ class ActionModule(nn.Module):
             memory = step.memory
         return stack_states(states, world_from_camera)
 
+    def go_on(
+        self,
+        first: PlayerState,
+        actions: Float[Tensor, "batch moves actions"],
+        world_from_camera: Float[Tensor, "batch time 3 3"],
+        memory: Memory,
+    ) -> StateSequence:
+        """Roll out drawn actions, without variability, from where R is (training).
+
+        Args:
+            first: States at the first step.
+            actions: One-hot.
+            world_from_camera: Camera rotations, one more than there are actions.
+            memory: R's, at the first step.
+        """
+        states = [first]
+        none = actions.new_zeros(actions.shape[0], self.config.variability)
+        for t in range(actions.shape[1]):
+            control = Control(actions[:, t], none, world_from_camera[:, t])
+            step = self.dynamics(states[-1], control, memory)
+            states.append(step.state)
+            memory = step.memory
+        return stack_states(states, world_from_camera)
+
     def reconstruct(
         self, sequence: StateSequence, sampling: Sampling, memory: Memory | None = None
     ) -> Reconstruction:

@@ -28,6 +28,18 @@ class ActionTrainingConfig:
     clip: float = 1.0
     position_weight: float = 1.0
     pose_weight: float = 1.0
+    pose_horizon: float = 0.0
+    """Steps of a rollout after which a pose's error counts 1/e of what it counts at first; 0: all
+    steps count alike."""
+    likeness_weight: float = 0.0
+    """Of the discrepancy between windows of encoded poses and those that R makes up, in the window
+    itself and in steps that go on behind it. It is what keeps legs walking: see `likeness`."""
+    likeness_window: int = 4
+    """Poses in such a window."""
+    likeness_actions: float = 1.0
+    """What an action weighs beside a pose code in it."""
+    imagined_steps: int = 12
+    """Steps that R goes on behind each window, by actions of another sequence."""
     style_weight: float = 0.1
     """Without effect unless R predicts styles."""
     heading_weight: float = 1.0

@@ -27,10 +27,23 @@ def position_loss(
 
 
 def code_loss(
-    rebuilt: Float[Tensor, "batch time code"], encoded: Float[Tensor, "batch time code"]
+    rebuilt: Float[Tensor, "batch time code"],
+    encoded: Float[Tensor, "batch time code"],
+    horizon: float = 0.0,
 ) -> Float[Tensor, ""]:
-    """Mean squared difference of codes (poses, styles) over steps after the first."""
-    return _mean_square((rebuilt - encoded)[:, 1:])
+    """Mean of exp(-(t - 1) / horizon) |c^_t - c_t|^2 over steps t after the first, from 1.
+
+    Args:
+        rebuilt: Codes (poses, styles) of R.
+        encoded: Those of E.
+        horizon: Steps after which a difference counts 1/e of what it counts at first; 0: all
+            steps count alike.
+    """
+    difference = (rebuilt - encoded)[:, 1:]
+    if horizon == 0:
+        return _mean_square(difference)
+    ages = torch.arange(difference.shape[1], device=difference.device)
+    return _mean_square(difference * torch.exp(-0.5 * ages / horizon)[:, None])
 
 
 def heading_loss(

@@ -18,6 +18,7 @@ from pe_runtime.evaluation.motion import normalised_mutual_information
 from pe_runtime.training import action_losses as losses
 from pe_runtime.training.action_config import ActionTrainingConfig
 from pe_runtime.training.action_sequences import ActionDataset, without_jumps
+from pe_runtime.training.likeness import discrepancy, pose_windows
 from pe_runtime.training.loop import (
     Log,
     learning_rate_share,
@@ -150,17 +151,35 @@ class ActionPhase:
         scale, slack = self.config.movement_scale, training.movement_slack
         terms = {
             "position": losses.position_loss(rebuilt.sequence, encoded, scale),
-            "pose": losses.code_loss(rebuilt.sequence.poses, encoded.poses),
+            "pose": losses.code_loss(rebuilt.sequence.poses, encoded.poses, training.pose_horizon),
             "style": losses.code_loss(rebuilt.sequence.styles, encoded.styles),
             "action": -losses.mutual_information(joint),
             "movement": losses.soft_delta_mse(seen, self._moves(encoded), slack),
             "adversarial": losses.generator_loss(self._judged(rebuilt.sequence, rebuilt)),
             "variability": losses.variability_divergence(estimate.mean, estimate.log_variance),
         }
+        if training.likeness_weight > 0:
+            terms["likeness"] = self._likeness(encoded, rebuilt, noise)
         if self.config.predict_heading:
             terms["heading"] = losses.heading_loss(rebuilt.sequence.facings, encoded.facings)
         total = sum(getattr(training, f"{name}_weight") * term for name, term in terms.items())
         return total, {"loss": total.item()} | {name: term.item() for name, term in terms.items()}
+
+    def _likeness(self, encoded: StateSequence, rebuilt: Reconstruction, noise: Noise) -> Tensor:
+        """How differently R's poses are distributed, in the windows and in steps behind them."""
+        training, actions = self.training, rebuilt.actions.detach()
+        steps = encoded.poses.shape[1]
+        # Another sequence's actions, as often as it takes; so also actions that do not follow.
+        order = torch.arange(training.imagined_steps, device=actions.device) % max(steps - 1, 1)
+        further = actions.roll(1, 0)[:, order]
+        cameras = encoded.world_from_camera[:, torch.cat([order, order[-1:]])]
+        last = rebuilt.sequence.at(steps - 1)
+        imagined = self.module.go_on(last, further, cameras, rebuilt.memory)
+        shape = training.likeness_window, training.likeness_actions
+        real = pose_windows(encoded.poses, actions, *shape)
+        made = pose_windows(rebuilt.sequence.poses, actions, *shape)
+        beyond = pose_windows(imagined.poses, further, *shape)
+        return discrepancy(real, made, noise) + discrepancy(real, beyond, noise)
 
     def _moves(self, sequence: StateSequence) -> Tensor:
         """The sequence's movements as the movement loss sees them, (moves 2) metres."""

@@ -196,3 +196,10 @@ def test_logits_of_a_thousand_stay_finite():
 def test_movements_that_are_all_equal_cost_nothing_however_long_they_are(step, dtype):
     p = probabilities(7, 3, 0).to(dtype)
     assert soft_delta_mse(p, torch.full((7, 2), step, dtype=dtype)).item() < 1e-3
+
+
+def test_a_horizon_makes_late_differences_count_less():
+    encoded, rebuilt = torch.zeros(2, 4, 3), torch.ones(2, 4, 3)
+    found = code_loss(rebuilt, encoded, horizon=2.0)
+    expected = sum(math.exp(-age / 2) for age in range(3)) / 3
+    assert float(found) == pytest.approx(expected)

@@ -1,14 +1,17 @@
 import dataclasses
+import math
 
 import pytest
 import torch
 from synthetic_states import make_states
 
 from pe_runtime.action.description import describe_actions
+from pe_runtime.action.sampling import Noise
 from pe_runtime.config import ActionConfig
 from pe_runtime.contract.errors import CheckpointError, EpisodeError
 from pe_runtime.training.action_config import ActionTrainingConfig
 from pe_runtime.training.action_phase import ActionPhase
+from pe_runtime.training.likeness import discrepancy, pose_windows
 from pe_runtime.training.loop import Schedule, run
 
 SMALL = ActionConfig(actions=6, hidden=16, dynamics_width=16, discriminator_width=8)
@@ -248,3 +251,31 @@ def test_the_four_directions_are_discovered_within_seconds(tmp_path):
     assert trained["rollout_distance"] < 0.3 * untrained["rollout_distance"]
     names = {each.name for each in describe_actions(phase.module, held_out.sequences())}
     assert {"left", "right", "forward", "back"} <= names
+
+
+@pytest.mark.parametrize("steps", [1, 3, 12])
+def test_made_up_poses_are_compared_with_encoded_ones(data, steps):
+    lively = dataclasses.replace(QUICK, likeness_weight=1.0, imagined_steps=steps, pose_horizon=1.5)
+    phase = ActionPhase(data, SMALL, lively)
+    torch.manual_seed(0)
+    figures = phase.step(0.5)
+    assert figures["likeness"] > 0
+    assert all(math.isfinite(each) for each in figures.values())
+
+
+def test_likeness_makes_poses_move_as_encoded_ones_do(data):
+    free = dataclasses.replace(QUICK, pose_weight=0.0, adversarial_weight=0.0, learning_rate=1e-2)
+    apart = []
+    for weight in (0.0, 20.0):
+        phase = ActionPhase(data, SMALL, dataclasses.replace(free, likeness_weight=weight))
+        for step in range(150):
+            torch.manual_seed(step)
+            phase.step(0.5)
+        sequence = data.sequences()
+        actions = phase.module.infer(sequence)
+        played = phase.module.play(sequence.at(0), actions, sequence.world_from_camera)
+        taken = torch.nn.functional.one_hot(actions, SMALL.actions).float()
+        encoded, made = (pose_windows(each.poses, taken, 3, 1.0) for each in (sequence, played))
+        noise = Noise(torch.Generator().manual_seed(0))
+        apart.append(float(discrepancy(encoded, made.detach(), noise)))
+    assert apart[1] < 0.6 * apart[0]
