@@ -153,6 +153,22 @@ def disturb(
     _tell(output)
 
 
+@app.command()
+@shared
+def shrink(
+    dataset: Folder,
+    output: Annotated[Path, typer.Option("--out", "-o", help="Folder of the small copy.")],
+    factor: Annotated[int, typer.Option(min=2, help="Pixels that become one, each way.")] = 2,
+) -> None:
+    """Copy a data set with smaller pictures, for comparisons of many trainings."""
+    from pe_runtime.curation.shrinking import shrink_dataset
+
+    for split, folder in split_folders(dataset).items():
+        with progress(f"{split} episodes".strip()) as report:
+            shrink_dataset(folder, output / split, factor, report)
+    _tell(output)
+
+
 @dataclasses.dataclass(frozen=True)
 class ImportChoices:
     """The options of `pe dataset import-official`."""

@@ -1,4 +1,4 @@
-"""`pe dataset record | info | disturb` on the command line."""
+"""`pe dataset record | info | disturb | shrink` on the command line."""
 
 import pytest
 from command_line import result, run
@@ -92,6 +92,15 @@ def test_disturb_on_the_command_line_has_the_modules_amounts(capsys, tmp_path):
     write_small(tmp_path / "clean", episodes=1)
     facts = result(capsys, "dataset", "disturb", tmp_path / "clean", "-o", tmp_path / "noisy")
     assert facts["noise"] == asdict(Noise())
+
+
+def test_shrink_copies_every_split_at_half_the_size(capsys, tmp_path):
+    for split in ("train", "val"):
+        write_small(tmp_path / "large" / split, episodes=1)
+    large, small = read_info(tmp_path / "large" / "val"), tmp_path / "small"
+    facts = result(capsys, "dataset", "shrink", tmp_path / "large", "-o", small)
+    assert set(facts["splits"]) == {"train", "val"}
+    assert read_info(small / "val").width == large.width // 2
 
 
 def test_disturb_refuses_a_share_above_one(capsys, tmp_path):
