@@ -15,7 +15,7 @@ from small_world import (
 )
 
 from pe_runtime.benchmark.reference_field import ReferenceField
-from pe_runtime.config.ablations import SYNTHESIS_ROWS, ablated_synthesis
+from pe_runtime.config.ablations import ACTION_ROWS, SYNTHESIS_ROWS, ablated_synthesis
 from pe_runtime.contract.errors import ConfigError
 from pe_runtime.field.layers import build_modulation
 from pe_runtime.field.object_field import ObjectField
@@ -23,6 +23,7 @@ from pe_runtime.frame_renderer import FrameRenderer
 from pe_runtime.geometry.cameras import Cameras
 from pe_runtime.networks import SynthesisNetworks
 from pe_runtime.rendering.scene import RenderSettings
+from pe_runtime.training.action_config import ActionTrainingConfig, ablated_actions
 from pe_runtime.training.synthesis_phase import SynthesisPhase
 
 WIDTH, HEIGHT = 40, 24
@@ -123,3 +124,16 @@ def test_a_field_agrees_with_its_float64_twin(changes):
     torch.testing.assert_close(
         found.double(), twin.features(points.double(), slice(0, 6)), rtol=1e-4, atol=1e-5
     )
+
+
+def test_action_rows_lack_what_their_ticks_say():
+    full = ActionTrainingConfig()
+    for row, has in ACTION_ROWS.items():
+        training = ablated_actions(full, row)
+        assert (training.dynamics_frame == "world") == (not has.relative)
+        assert (training.adversarial_weight > 0) == has.discriminator
+        assert (training.movement_weight > 0) == has.movement_loss
+        assert (training.action_weight > 0) == has.action_loss
+    assert ablated_actions(full, "full") == full
+    with pytest.raises(ConfigError, match="A, B, C, D, E, full"):
+        ablated_actions(full, "F")

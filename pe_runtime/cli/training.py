@@ -33,6 +33,31 @@ class SynthesisChoices:
         Path | None, typer.Option(help="Weights of VGG16 or VGG19 for the perceptual loss.")
     ] = None
     watch: Watch = False
+    start_from: Annotated[
+        Path | None, typer.Option(help="Model whose weights to go on from, of the same sizes.")
+    ] = None
+    ablation: Annotated[
+        str | None,
+        typer.Option(
+            help="Leave out what a row of the paper's table lacks: plain, multi, multi-pose, "
+            "concatenation, modulation, single-resolution or full."
+        ),
+    ] = None
+
+
+@dataclasses.dataclass(frozen=True)
+class ActionChoices:
+    """The options of `pe train actions` that say how it is run."""
+
+    resume: Resume = False
+    steps: Steps = None
+    watch: Watch = False
+    ablation: Annotated[
+        str | None,
+        typer.Option(
+            help="Leave out what a row of the paper's table lacks: A, B, C, D, E or full."
+        ),
+    ] = None
 
 
 @app.command()
@@ -46,6 +71,7 @@ def synthesis(config: Config, data: Data, output: Output, chosen: SynthesisChoic
     """
     _let_threads_sleep()
     from pe_runtime.config import ModelConfig, SynthesisConfig, read_toml
+    from pe_runtime.config.ablations import ablated_synthesis
     from pe_runtime.dataset import load_clips
     from pe_runtime.training.processes import joined
     from pe_runtime.training.synthesis_run import RunOptions, train_synthesis
@@ -56,9 +82,11 @@ def synthesis(config: Config, data: Data, output: Output, chosen: SynthesisChoic
     if chosen.vgg is not None:
         changes |= {"perceptual": "vgg", "perceptual_weights": str(chosen.vgg)}
     training = dataclasses.replace(training, **changes)
+    if chosen.ablation is not None:
+        model, training = ablated_synthesis(model, training, chosen.ablation)
     clips = load_clips(data), load_clips(chosen.val) if chosen.val else None
     with joined() as team, watching(chosen.watch and team.leads) as told:
-        options = RunOptions(chosen.minutes, chosen.resume, None, device(), *told)
+        options = RunOptions(chosen.minutes, chosen.resume, chosen.start_from, device(), *told)
         train_synthesis((model, training), clips, output, options)
     if team.leads:
         show({"model": str(output / "synthesis.safetensors")})
@@ -66,14 +94,13 @@ def synthesis(config: Config, data: Data, output: Output, chosen: SynthesisChoic
 
 @app.command()
 @shared
+@grouped
 def actions(
     checkpoint: Annotated[Path, typer.Option(help="Trained synthesis module.")],
     config: Config,
     data: Data,
     output: Output,
-    resume: Resume = False,
-    steps: Steps = None,
-    watch: Watch = False,
+    chosen: ActionChoices,
 ) -> None:
     """Learn the actions of a trained model's players; writes OUTPUT/model.safetensors."""
     _let_threads_sleep()
@@ -83,14 +110,17 @@ def actions(
         )
     from pe_runtime.config import read_toml
     from pe_runtime.dataset import load_clips
-    from pe_runtime.training.action_config import ActionTrainingConfig
+    from pe_runtime.training.action_config import ActionTrainingConfig, ablated_actions
     from pe_runtime.training.model_file import train_model_actions
 
     training = read_toml(config, "actions", ActionTrainingConfig)
-    if steps is not None:
-        training = dataclasses.replace(training, steps=steps)
-    with watching(watch) as told:
-        file = train_model_actions(checkpoint, load_clips(data), training, output, resume, *told)
+    if chosen.steps is not None:
+        training = dataclasses.replace(training, steps=chosen.steps)
+    if chosen.ablation is not None:
+        training = ablated_actions(training, chosen.ablation)
+    clips, resume = load_clips(data), chosen.resume
+    with watching(chosen.watch) as told:
+        file = train_model_actions(checkpoint, clips, training, output, resume, *told)
     show({"model": str(file)})
 
 

@@ -1,6 +1,9 @@
 """Knobs of the action module's training."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+from pe_runtime.config.ablations import ACTION_ROWS
+from pe_runtime.config.checks import demand_one_of
 
 
 @dataclass(frozen=True)
@@ -53,6 +56,9 @@ class ActionTrainingConfig:
     movement_frame: str = "model"
     """Whose right and forward the movement loss means: the "model"'s own `movement_frame`, or
     another of the frames that a model can have."""
+    dynamics_frame: str = "model"
+    """Whose right and forward R's movements mean: what the "model"'s configuration says, or another
+    of its `movement_frame`s, which the trained model then has."""
     adversarial_weight: float = 0.01
     variability_weight: float = 0.05
     variability_share: float = 0.5
@@ -76,3 +82,20 @@ class ActionTrainingConfig:
     seed: int = 0
     log_every: int = 50
     checkpoint_every: int = 250
+
+
+def ablated_actions(training: ActionTrainingConfig, row: str) -> ActionTrainingConfig:
+    """The full training without what a row of the paper's action ablation lacks.
+
+    Raises:
+        ConfigError: There is no such row.
+    """
+    demand_one_of(row, tuple(ACTION_ROWS), "ablation: row")
+    has = ACTION_ROWS[row]
+    return replace(
+        training,
+        dynamics_frame=training.dynamics_frame if has.relative else "world",
+        adversarial_weight=training.adversarial_weight * has.discriminator,
+        movement_weight=training.movement_weight * has.movement_loss,
+        action_weight=training.action_weight * has.action_loss,
+    )

@@ -1,7 +1,7 @@
 """From a trained synthesis module to a whole model: actions learnt, named and stored with it."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,9 @@ def train_model_actions(
     """
     header, tensors = load_checkpoint(synthesis)
     config = from_dict(ModelConfig, header["config"], f"configuration of {synthesis}")
+    if training.dynamics_frame != "model":
+        action = replace(config.action, movement_frame=training.dynamics_frame)
+        config = replace(config, action=action)
     device = "cuda" if torch.cuda.is_available() else "cpu"
     networks = SynthesisNetworks(config).to(device)
     load_synthesis(networks, tensors)

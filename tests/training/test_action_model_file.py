@@ -67,3 +67,9 @@ def test_headings_of_the_encoder_reach_the_data(monkeypatch):
     monkeypatch.setattr(networks, "encode", turned)
     headings = encode_clips(networks, clips, "player").headings
     assert torch.equal(headings, torch.arange(4.0).expand(4, 4))
+
+
+def test_a_model_says_which_frame_its_dynamics_were_trained_in(synthesis, tmp_path):
+    training = dataclasses.replace(ONE_STEP, dynamics_frame="world")
+    path = train_model_actions(synthesis, small_clips(), training, tmp_path)
+    assert PlayableEnvironment.load(path, device="cpu").config.action.movement_frame == "world"
