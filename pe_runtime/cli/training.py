@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pe_runtime.cli.option_groups import grouped
-from pe_runtime.cli.terminal import shared, show
+from pe_runtime.cli.terminal import device, shared, show
 from pe_runtime.cli.watching import watching
 from pe_runtime.contract.errors import ConfigError
 
