@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from pe_runtime.config import ModelConfig
 from pe_runtime.field.object_field import ObjectField
 from pe_runtime.geometry.cameras import Cameras, ray_directions
-from pe_runtime.perception.glimpse import Pictures, Place, look
+from pe_runtime.perception.glimpse import Glimpse, Pictures, Place, look
 from pe_runtime.perception.heading_encoder import HeadingEncoder
 from pe_runtime.perception.localization import locate
 from pe_runtime.perception.object_encoder import build_encoder
@@ -110,12 +110,26 @@ class SynthesisNetworks(nn.Module):
         if config.heading is not None:
             places, valid = self._turned(class_name, pictures, places, valid)
         glimpse = look(config, pictures, places)
-        styles, poses = map(glimpse.split, self.encoders[class_name](glimpse.crops, glimpse.view))
         visible = valid & glimpse.seen
+        styles, poses = map(glimpse.split, self._look_up(class_name, glimpse, visible))
         return [
             Codes(place.positions, styles[i], poses[i], visible[:, i], place.headings)
             for i, place in enumerate(places)
         ]
+
+    def _look_up(
+        self, class_name: str, glimpse: Glimpse, visible: Bool[Tensor, "frames objects"]
+    ) -> tuple[Float[Tensor, "crops style"], Float[Tensor, "crops pose"]]:
+        """Codes of all crops. In training, crops that show nothing stay out of batch statistics."""
+        encoder, shown = self.encoders[class_name], visible.T.flatten()
+        # One crop alone has no statistics; and processes that train together must all ask for them.
+        if not self.training or shown.all() or shown.sum() < 2:
+            return encoder(glimpse.crops, glimpse.view)
+        style, pose = (
+            each.new_zeros(len(shown), each.shape[1]).index_put((shown,), each)
+            for each in encoder(glimpse.crops[shown], glimpse.view[shown])
+        )
+        return style, pose
 
     def _turned(
         self, class_name: str, pictures: Pictures, places: list[Place], valid: Tensor

@@ -11,6 +11,7 @@ from small_world import (
     look_at,
     picture_of,
     random_codes,
+    small_clips,
     small_config,
     small_networks,
 )
@@ -275,3 +276,20 @@ def test_the_style_of_the_ground_changes_its_pixels_and_no_geometry(networks):
     )
     assert torch.equal(depth, other_depth)
     assert all(torch.equal(masks[name], other_masks[name]) for name in masks)
+
+
+def test_absent_players_stay_out_of_batch_statistics():
+    config = small_config(width=40, height=24)
+    clips = small_clips()
+    networks = small_networks(config).train()
+    times = torch.arange(4)
+    batch = clips.batch(torch.zeros(4, dtype=torch.long), times)
+    absent = batch.boxes.clone()
+    absent[2:, 1] = torch.nan
+    with torch.no_grad():
+        codes = networks.encode(batch.images, batch.cameras, absent)
+        # The others are what they are where nobody else is in the batch.
+        seen = torch.cat([codes["player_1"].pose, codes["player_2"].pose[:2]])
+    torch.testing.assert_close(seen.mean(0), torch.zeros(3), atol=1e-5, rtol=0)
+    assert codes["player_2"].visible.tolist() == [True, True, False, False]
+    assert (codes["player_2"].pose[2:] == 0).all()
