@@ -6,7 +6,6 @@ to 8 bits.
 
 import json
 from dataclasses import dataclass, field, replace
-from types import SimpleNamespace
 
 import numpy as np
 import torch
@@ -14,13 +13,20 @@ import torch
 from pe_runtime.contract.camera import Camera, project
 from pe_runtime.contract.episode import DatasetInfo, EpisodeArrays, write_dataset, write_episode
 from pe_runtime.images import write_png
+from pe_runtime.kept_frames import Frame
 from pe_runtime.state import EnvironmentState, ObjectState
 
 WIDTH, HEIGHT, FRAMES = 48, 32, 6
 PLAYERS = ("left", "right")
 # Right and forward of the camera, metres: idle, left, right, forward.
 STEPS = np.array([[0.0, 0.0], [-0.3, 0.0], [0.3, 0.0], [0.0, 0.3]])
+NAMES = ("idle", "left", "right", "forward")
 BACKGROUND = 0.2
+
+
+def find_cards(picture):
+    """Pixels that show a card."""
+    return np.abs(picture - BACKGROUND).max(axis=-1) > 0.05
 
 
 def camera(azimuth=0.0, distance=8.0):
@@ -74,6 +80,7 @@ class ToyEnvironment:
 
     playable_names: tuple = PLAYERS
     actions: dict = field(default_factory=lambda: {"card": None})
+    action_names: dict = field(default_factory=lambda: dict.fromkeys(PLAYERS, NAMES))
     pose_is_drawn: bool = True
     always: int | None = None
     drift: float = 0.0
@@ -117,7 +124,7 @@ class ToyEnvironment:
         ]
         names = options.masks if options is not None else ()
         masks = {name: mask(places[name], camera) for name in names}
-        return SimpleNamespace(rgb=draw(cards, camera), masks=masks)
+        return Frame(draw(cards, camera), masks=masks)
 
 
 def card(position, grey, blue):

@@ -69,7 +69,7 @@ def evaluate(
     Without --table: all figures of one model. With it: the paper's tables, a row a model.
     """
     if tabled.table is None and tabled.runs is None:
-        _all_figures(data, model, (limit, every), tabled.out)
+        _all_figures(data, model, (limit, every), tabled.out, measuring)
         return
     from pe_runtime.evaluation.instruments import set_up
     from pe_runtime.evaluation.learnt_features import WeightFiles
@@ -101,15 +101,21 @@ def train_detector(
     show({"detector": str(file), "bytes": file.stat().st_size} | figures)
 
 
-def _all_figures(data: Path, model: str, sizes: tuple[int | None, int], out: Path | None) -> None:
+def _all_figures(
+    data: Path, model: str, sizes: tuple[int | None, int], out: Path | None, measuring: Measuring
+) -> None:
     from pe_runtime.environment import PlayableEnvironment
+    from pe_runtime.evaluation.detector_network import PersonDetector
+    from pe_runtime.evaluation.instruments import set_up
     from pe_runtime.evaluation.paper_tables import write_texts
     from pe_runtime.evaluation.protocol import evaluate as measure
     from pe_runtime.evaluation.tables import as_json, as_lines, as_table
 
     environment = PlayableEnvironment.load(model, device())
+    found = set_up(measuring.detector, measuring.detector_file).detector
+    silhouette = found.silhouette if isinstance(found, PersonDetector) else None
     with progress("sequences") as report:
-        figures = measure(environment, data, *sizes, report)
+        figures = measure(environment, data, *sizes, report, silhouette)
     text = as_json(figures)
     if out is not None:
         write_texts(out, {"report.json": text, "table.md": as_lines(figures)})

@@ -1,7 +1,7 @@
 """Codes of another sequence tried on: its poses move limbs, its styles change colours alone."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
@@ -25,16 +25,22 @@ OPAQUE = RULES.opaque
 """Share of a pixel above which it counts as the object's."""
 
 
+Silhouette = Callable[[np.ndarray], np.ndarray]
+
+
 class Donor:
     """A sequence that lends its codes.
 
     Args:
         environment: The model.
         episode: The sequence; frames are encoded when they are asked for.
+        silhouette: Finds the pixels of people in a picture, if there is such a thing.
     """
 
-    def __init__(self, environment: Evaluated, episode: Episode) -> None:
-        self.environment, self.episode = environment, episode
+    def __init__(
+        self, environment: Evaluated, episode: Episode, silhouette: Silhouette | None = None
+    ) -> None:
+        self.environment, self.episode, self.silhouette = environment, episode, silhouette
 
     def lent(self, frame: int) -> tuple[EnvironmentState, set[str]]:
         """The state of a frame, or of the last one, and the players it shows."""
@@ -54,8 +60,10 @@ def exchange_figures(
         `other_sequence_pose_psnr_gap`: dB in players' boxes lost to the recorded picture;
         `other_sequence_pose_change`: mean absolute change of colour in the boxes, in percent of
         full range; `other_sequence_pose_iou`: of the players' masks before and after;
-        `style_swap_iou`: of their masks before and after the styles; `style_swap_colour`: mean
-        absolute change of colour on the players, in percent. Empty if no player is in both.
+        `style_swap_iou`: of their masks before and after the styles, 1 by construction where
+        density does not depend on style; `style_swap_silhouette_iou`: of what the detector takes
+        for people in the two pictures; `style_swap_colour`: mean absolute change of colour on the
+        players, in percent. Empty if no player is in both.
     """
     lent, seen = donor.lent(frame)
     names = sorted(boxes_of(episode, frame).keys() & seen)
@@ -73,7 +81,11 @@ def exchange_figures(
         for each in (state, posed, with_styles(state, lent, names))
     )
     shown = [own.masks[name] > OPAQUE for name in names]
-    return {
+    outlines = {}
+    if donor.silhouette is not None:
+        before, after = donor.silhouette(own.rgb), donor.silhouette(restyled.rgb)
+        outlines["style_swap_silhouette_iou"] = mask_iou(before, after)
+    return outlines | {
         "other_sequence_pose_psnr_gap": psnr(own.rgb, reference, inside)
         - psnr(other.rgb, reference, inside),
         "other_sequence_pose_change": colour_change(own.rgb, other.rgb, inside),

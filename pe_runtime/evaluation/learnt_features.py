@@ -43,7 +43,7 @@ class Lpips:
         CheckpointError: Heads and layers do not fit each other.
     """
 
-    def __init__(self, network: VggFeatures, heads: list[Float[Tensor, "1 channels 1 1"]]) -> None:
+    def __init__(self, network: VggFeatures, heads: list[Tensor]) -> None:
         found = tuple(each.shape[1] for each in heads)
         if network.design != "vgg16" or network.channels != found:
             raise CheckpointError(

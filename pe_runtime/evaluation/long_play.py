@@ -75,7 +75,7 @@ def long_play(
         ConfigError: The model has no actions.
         EpisodeError: No sequence shows all players all the time.
     """
-    if not environment.actions:
+    if not environment.actions or action_count(environment) == 0:
         raise ConfigError("long play needs a model with trained actions: `pe train actions`")
     usable = [episode for episode in episodes if can_be_followed(environment, episode)]
     if not usable:
@@ -114,10 +114,7 @@ def random_script(rng: np.random.Generator, actions: int) -> np.ndarray:
 
 def action_count(environment: Evaluated) -> int:
     """How many actions every player has."""
-    names = getattr(environment, "action_names", {})
-    counts = [len(each) for each in names.values() if each]
-    config = getattr(environment, "config", None)
-    return min(counts) if counts else config.action.actions
+    return min(len(environment.action_names[name]) for name in environment.playable_names)
 
 
 def walking_actions(environment: Evaluated, episode: Episode) -> list[int]:

@@ -11,6 +11,7 @@ import numpy as np
 from pe_runtime.contract.episode import DatasetInfo, read_dataset, read_episode
 from pe_runtime.contract.errors import EpisodeError
 from pe_runtime.evaluation.confidence import Figure, bootstrap, bootstrap_mean
+from pe_runtime.evaluation.exchange import Donor, Silhouette
 from pe_runtime.evaluation.motion import (
     delta_accuracy,
     delta_mse,
@@ -29,6 +30,7 @@ def evaluate(
     limit: int | None = None,
     every: int = 3,
     progress: Callable[[int, int], None] | None = None,
+    silhouette: Silhouette | None = None,
 ) -> dict[str, Any]:
     """Measure a model on recorded episodes.
 
@@ -38,6 +40,7 @@ def evaluate(
         limit: Use the first so many sequences only.
         every: Draw each n-th frame of a sequence; motion always uses all frames.
         progress: Called with (sequences done, sequences in all).
+        silhouette: Finds the pixels of people in a picture (`PersonDetector.silhouette`).
 
     Returns:
         `figures`: name -> value, low, high (95 % interval over sequences), sequences, unit, for
@@ -55,8 +58,10 @@ def evaluate(
     for number, folder in enumerate(folders):
         # The next sequence lends its codes; the last one borrows from the first.
         lender = folders[(number + 1) % len(folders)]
-        other = read_episode(lender) if lender != folder else None
-        measured.append(measure(environment, read_episode(folder), number, every, other))
+        donor = None
+        if lender != folder:
+            donor = Donor(environment, read_episode(lender), silhouette)
+        measured.append(measure(environment, read_episode(folder), number, every, donor))
         if progress is not None:
             progress(number + 1, len(folders))
     moving = [each for each in measured if each.tracks]

@@ -65,7 +65,7 @@ class Measured:
 
 
 def measure(
-    environment: Evaluated, episode: Episode, number: int, every: int, other: Episode | None = None
+    environment: Evaluated, episode: Episode, number: int, every: int, donor: Donor | None = None
 ) -> Measured:
     """Encode every frame, draw each n-th, follow the players.
 
@@ -74,13 +74,12 @@ def measure(
         episode: The sequence.
         number: Its position in the data set.
         every: Draw each so many frames.
-        other: Another sequence, whose poses and styles are tried on; None leaves that out.
+        donor: Another sequence, whose poses and styles are tried on; None leaves that out.
     """
     frames = episode.arrays.frames
     states = [encoded(environment, episode, frame) for frame in range(frames)]
     drawn = [_figures(environment, episode, states, frame) for frame in range(0, frames, every)]
-    if other is not None:
-        donor = Donor(environment, other)
+    if donor is not None:
         # Half as often: it takes four frames to draw where the others take one.
         for index in range(0, len(drawn), 2):
             at = index * every

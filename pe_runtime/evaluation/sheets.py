@@ -160,22 +160,22 @@ def playback_sheet(environment: Evaluated, episodes: Sequence[Episode], mode: st
 
 
 def long_play_sheet(environment: Evaluated, episode: Episode) -> Sheet:
-    """An action after the other held by all players, from a camera that follows the first."""
+    """Each action held for a long time; close-ups of the first player where it started."""
     sheet, start = Sheet(), encoded(environment, episode, 0)
     names, camera = environment.playable_names, episode.camera(RECORDED_VIEW, 0)
     steps = LONG_PLAY.steps
-    shown = [0, 4, 8, steps - 8, steps - 4, steps]
+    shown = [*range(5), *range(steps - 4, steps + 1)]
     walking = walking_actions(environment, episode)
     for action in [*walking, *(a for a in range(action_count(environment)) if a not in walking)]:
         held = dict.fromkeys(names, np.full(steps, action))
         states = roll_out(environment, start, held, [camera] * (steps + 1))
         # Who has walked out of view is shown at home: what is judged is the pose.
         home = [_brought_home(states[t], start, names) for t in shown]
-        pictures = [_drawn(environment, each, episode, 0) for each in home]
-        sheet.add(
-            f"action {action} held, steps {', '.join(map(str, shown))}, drawn where they started",
-            pictures,
+        drawn = [_drawn(environment, each, episode, 0) for each in home]
+        label = (
+            f"{environment.action_names[names[0]][action]}, held; steps 0-4, {steps - 4}-{steps}"
         )
+        sheet.add(label, [_close(picture, episode, 0, names[0]) for picture in drawn])
     return sheet
 
 

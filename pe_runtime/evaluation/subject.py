@@ -21,6 +21,7 @@ class Evaluated(Protocol):
 
     playable_names: tuple[str, ...]
     actions: Mapping[str, Any]  # by class of object; empty before the second training phase
+    action_names: Mapping[str, tuple[str, ...]]  # by player; one name for each action, or none
 
     def encode(
         self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Sequence[float]]

@@ -23,6 +23,7 @@ FIGURES = {
     "other_sequence_pose_change": ("Change of colour in players' boxes by that pose", "%"),
     "other_sequence_pose_iou": ("IoU of players' masks before and after that pose", ""),
     "style_swap_iou": ("IoU of players' masks before and after another style", ""),
+    "style_swap_silhouette_iou": ("The same of people found in the pictures", ""),
     "style_swap_colour": ("Change of colour on players by that style", "%"),
     "delta_mse": ("Delta-MSE, true positions", "%"),
     "delta_mse_of_true_actions": ("Delta-MSE of the recorder's own actions", "%"),

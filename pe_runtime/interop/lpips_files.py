@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import torch
-from jaxtyping import Float
 from torch import Tensor
 
 from pe_runtime.checkpoint import read_tensors
@@ -15,11 +14,14 @@ CHANNELS = (64, 128, 256, 512, 512)
 """Of the layers of VGG16 that LPIPS 0.1 compares."""
 
 
-def read_heads(path: str | Path) -> list[Float[Tensor, "1 channels 1 1"]]:
+def read_heads(path: str | Path) -> list[Tensor]:
     """The heads `lin0.model.1.weight` to `lin4.model.1.weight` for VGG16.
 
     Args:
         path: `weights/v0.1/vgg.pth` of the package `lpips`, or the same names as .safetensors.
+
+    Returns:
+        (1, channels, 1, 1) of each layer.
 
     Raises:
         CheckpointError: The file is missing or holds something else.

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from rich.console import Console
-from toy_world import FRAMES, STEPS, ToyEnvironment, plain, record
+from toy_world import FRAMES, STEPS, ToyEnvironment, find_cards, plain, record
 
 from pe_runtime.contract.errors import EpisodeError
 from pe_runtime.evaluation import confidence
@@ -29,7 +29,7 @@ def recordings(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def report(recordings, few_resamples):
-    return evaluate(ToyEnvironment(), recordings)
+    return evaluate(ToyEnvironment(), recordings, silhouette=find_cards)
 
 
 def value(report, name):
@@ -77,6 +77,7 @@ def test_poses_and_styles_of_another_sequence_show_and_leave_the_cards_where_the
     assert value(report, "other_sequence_pose_change") > 5
     assert value(report, "style_swap_colour") > 2
     assert value(report, "style_swap_iou") == 1
+    assert value(report, "style_swap_silhouette_iou") == 1
     assert value(report, "other_sequence_pose_iou") == 1
 
 
