@@ -85,7 +85,7 @@ def synthesis(config: Config, data: Data, output: Output, chosen: SynthesisChoic
     if chosen.ablation is not None:
         model, training = ablated_synthesis(model, training, chosen.ablation)
     clips = load_clips(data), load_clips(chosen.val) if chosen.val else None
-    with joined() as team, watching(chosen.watch and team.leads) as told:
+    with joined(device()) as team, watching(chosen.watch and team.leads) as told:
         options = RunOptions(chosen.minutes, chosen.resume, chosen.start_from, device(), *told)
         train_synthesis((model, training), clips, output, options)
     if team.leads:

@@ -117,10 +117,13 @@ class Total(torch.autograd.Function):
 
 
 @contextlib.contextmanager
-def joined() -> Iterator[Team]:
+def joined(device: str = "auto") -> Iterator[Team]:
     """Join the processes that `torchrun` has started, if it has, for as long as the block lasts.
 
-    NCCL connects them where there is CUDA (one GPU for each), gloo elsewhere.
+    NCCL connects them where they train by CUDA (one GPU for each), gloo elsewhere.
+
+    Args:
+        device: "cpu", "cuda", or "auto" for GPUs where there are some.
 
     Raises:
         ConfigError: There are more processes than GPUs.
@@ -129,7 +132,7 @@ def joined() -> Iterator[Team]:
         yield Team()
         return
     backend = "gloo"
-    if torch.cuda.is_available():
+    if device != "cpu" and torch.cuda.is_available():
         backend, own = "nccl", int(os.environ.get("LOCAL_RANK", "0"))
         if own >= torch.cuda.device_count():
             raise ConfigError(
