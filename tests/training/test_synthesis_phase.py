@@ -7,10 +7,12 @@ from types import SimpleNamespace
 import pytest
 import torch
 from small_world import small_clips, small_config, small_training
+from thin_vgg import write_vgg
 
 from pe_runtime.checkpoint import load_checkpoint, save_checkpoint
 from pe_runtime.contract.errors import CheckpointError, ConfigError
 from pe_runtime.networks import SynthesisNetworks
+from pe_runtime.training import loop
 from pe_runtime.training.loop import METRICS, BrokenStepError, Schedule, TrainingError, run
 from pe_runtime.training.synthesis_phase import SynthesisPhase, load_synthesis, prefixed
 from pe_runtime.training.synthesis_run import RunOptions, train_synthesis
@@ -187,19 +189,54 @@ def test_patches_around_players_contain_their_middles():
         assert ((middles > left - 4) & (middles < left + 20)).any()
 
 
-def test_an_interrupted_and_resumed_run_equals_an_uninterrupted_one_to_the_bit(tmp_path):
-    schedule = Schedule(steps=6, log_every=1, checkpoint_every=100, seed=3)
-    whole = phase(steps=6)
-    run(whole, tmp_path / "whole", schedule)
-    parts = phase(steps=6)
+class Clock:
+    """Eleven seconds pass at every look."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def monotonic(self):
+        self.now += 11.0
+        return self.now
+
+
+EVERYTHING = {
+    "density_noise": 0.5,
+    "density_noise_until": 0.8,
+    "octaves_until": 0.9,
+    "bending_octaves_until": 0.5,
+    "recoloured": 0.5,
+    "patch_weights": {"player_1": 2.0},
+    "patch_places": "inverse-size",
+    "rates": "exponential",
+    "bfloat16": True,
+    "patch_height": 24,
+    "patch_width": 24,
+}
+
+
+@pytest.mark.parametrize("minutes", [None, 1.0])
+@pytest.mark.parametrize("settings", [{}, EVERYTHING], ids=["plain", "everything"])
+def test_an_interrupted_and_resumed_run_equals_an_uninterrupted_one_to_the_bit(
+    tmp_path, monkeypatch, settings, minutes
+):
+    if settings:
+        vgg = str(write_vgg(tmp_path / "vgg.pth", width=1))
+        settings = settings | {"perceptual": "vgg", "perceptual_weights": vgg}
+    schedule = Schedule(steps=6, minutes=minutes, log_every=1, checkpoint_every=100, seed=3)
+    monkeypatch.setattr(loop, "time", Clock())
+    whole = phase(steps=6, **settings)
+    steps_made = run(whole, tmp_path / "whole", schedule)
 
     def interrupt(step, _):
         if step == 3:
             os.kill(os.getpid(), signal.SIGINT)
 
+    monkeypatch.setattr(loop, "time", Clock())
+    parts = phase(steps=6, **settings)
     assert run(parts, tmp_path / "parts", schedule, on_log=interrupt) == 3
-    resumed = phase(steps=6, seed=99)
-    run(resumed, tmp_path / "parts", schedule, resume=True)
+    resumed = phase(steps=6, seed=99, **settings)
+    assert run(resumed, tmp_path / "parts", schedule, resume=True) == steps_made
     wanted, found = whole.tensors(), resumed.tensors()
     assert wanted.keys() == found.keys()
     assert [n for n in wanted if not torch.equal(wanted[n], found[n])] == []
