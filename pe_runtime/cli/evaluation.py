@@ -140,7 +140,7 @@ def _paper_tables(
     from pe_runtime.evaluation.tables import as_json
 
     info, folders = read_dataset(data)
-    wanted = fitting_tables(tabled.table or ALL, tabled.runs, model, device())
+    wanted = fitting_tables(tabled.table or ALL, tabled.runs, model, device(), info.views)
     measured = {}
     for table in wanted:
         rows = contenders_of(table, tabled.runs, model, device())

@@ -58,19 +58,29 @@ def files_for(table: str) -> tuple[str, ...]:
     return ACTION_FILES if TABLES[table] in ("playability", "long-play") else FILES
 
 
-def fitting_tables(table: str, runs: Path | None, model: str, device: str = "auto") -> list[str]:
-    """The tables behind a name; for "all" those that the models can fill.
+def fitting_tables(
+    table: str, runs: Path | None, model: str, device: str = "auto", views: int = 2
+) -> list[str]:
+    """The tables behind a name; for "all" those that models and data can fill.
+
+    Args:
+        table: One of `TABLES`, or "all".
+        runs: Folder with one sub-folder per row; None for a single model.
+        model: Name or file of that model.
+        device: Where networks run.
+        views: Cameras that recorded the data.
 
     Raises:
         ConfigError: There is no run at all.
     """
     if table != ALL:
         return [table]
+    drawable = [name for name in TABLES if name != "camera" or views > 1]
     if runs is None:
         acts = bool(PlayableEnvironment.load(model, device).actions)
-        single = [name for name in TABLES if name not in ABLATIONS]
+        single = [name for name in drawable if name not in ABLATIONS]
         return [name for name in single if acts or files_for(name) == FILES]
-    fitting = [name for name in TABLES if run_files(runs, name)]
+    fitting = [name for name in drawable if run_files(runs, name)]
     if not fitting:
         raise ConfigError(f"{runs} holds no folder with {' or '.join(FILES)}")
     return fitting
