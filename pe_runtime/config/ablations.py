@@ -12,7 +12,7 @@ from pe_runtime.config.model import FeatureRendererConfig, ModelConfig
 from pe_runtime.config.objects import EncoderConfig, ObjectClassConfig, ObjectConfig
 from pe_runtime.config.runs import SynthesisConfig
 
-SCENE_SAMPLES = 48
+SCENE_SAMPLES = 32
 """Samples per ray of the one volume of row "plain"."""
 
 
