@@ -14,7 +14,7 @@ from pe_runtime.evaluation.paper_figures import COLUMNS, distance_by_step, pictu
 from pe_runtime.evaluation.playback import Shown, prepare, scheduled, show
 from pe_runtime.evaluation.protocol import OF_INFERRED, check_fit, over_players
 from pe_runtime.evaluation.sequence import Measured, tracks_of
-from pe_runtime.evaluation.subject import Evaluated
+from pe_runtime.evaluation.subject import Evaluated, acts
 
 LONG_PLAY_TABLE = "long-play"
 TABLES = {
@@ -113,7 +113,7 @@ def _measured_row(
     if mode == "reconstruction":
         # Every frame is shown from its own state, so the last one is like any other.
         figures.pop("add_of_width_last", None)
-    own = mode == "camera" and not model.actions
+    own = mode == "camera" and not acts(model)
     note = "no actions: every frame's own state" if own else ""
     return _row(figures, len(shown), note) | {"add_by_step": distance_by_step(shown)}
 

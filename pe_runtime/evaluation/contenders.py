@@ -7,6 +7,7 @@ from pe_runtime.contract.errors import ConfigError
 from pe_runtime.environment import PlayableEnvironment
 from pe_runtime.evaluation.comparison import TABLES, Contender
 from pe_runtime.evaluation.paper_tables import ABLATIONS
+from pe_runtime.evaluation.subject import acts
 
 ALL = "all"
 FILES = ("model.safetensors", "synthesis.safetensors")
@@ -77,9 +78,9 @@ def fitting_tables(
         return [table]
     drawable = [name for name in TABLES if name != "camera" or views > 1]
     if runs is None:
-        acts = bool(PlayableEnvironment.load(model, device).actions)
+        plays = acts(PlayableEnvironment.load(model, device))
         single = [name for name in drawable if name not in ABLATIONS]
-        return [name for name in single if acts or files_for(name) == FILES]
+        return [name for name in single if plays or files_for(name) == FILES]
     fitting = [name for name in drawable if run_files(runs, name)]
     if not fitting:
         raise ConfigError(f"{runs} holds no folder with {' or '.join(FILES)}")

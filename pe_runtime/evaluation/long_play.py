@@ -25,6 +25,7 @@ from pe_runtime.evaluation.rules import LONG_PLAY, RULES
 from pe_runtime.evaluation.subject import (
     RECORDED_VIEW,
     Evaluated,
+    acts,
     can_be_followed,
     encoded,
     mean_told,
@@ -75,7 +76,7 @@ def long_play(
         ConfigError: The model has no actions.
         EpisodeError: No sequence shows all players all the time.
     """
-    if not environment.actions or action_count(environment) == 0:
+    if not acts(environment) or action_count(environment) == 0:
         raise ConfigError("long play needs a model with trained actions: `pe train actions`")
     usable = [episode for episode in episodes if can_be_followed(environment, episode)]
     if not usable:

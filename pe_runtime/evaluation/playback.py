@@ -20,6 +20,7 @@ from pe_runtime.evaluation.subject import (
     NOVEL_VIEW,
     RECORDED_VIEW,
     Evaluated,
+    acts,
     cameras_of,
     can_be_followed,
     encoded,
@@ -88,7 +89,7 @@ def scheduled(
     if mode == "reconstruction":
         return prepared.states, RECORDED_VIEW
     if mode == "playability":
-        if not environment.actions:
+        if not acts(environment):
             raise ConfigError(
                 "playability needs a model with trained actions; this one has its synthesis "
                 "module only: train them with `pe train actions`"
@@ -96,7 +97,7 @@ def scheduled(
         return (prepared.played, RECORDED_VIEW) if prepared.played else None
     if mode != "camera":
         raise ConfigError(f"protocol must be one of {', '.join(MODES)}, found {mode!r}")
-    states = prepared.played if environment.actions else prepared.states
+    states = prepared.played if acts(environment) else prepared.states
     return (states, NOVEL_VIEW) if states and episode.arrays.views > NOVEL_VIEW else None
 
 

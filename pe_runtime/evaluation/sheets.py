@@ -24,6 +24,7 @@ from pe_runtime.evaluation.rules import RULES
 from pe_runtime.evaluation.subject import (
     RECORDED_VIEW,
     Evaluated,
+    acts,
     boxes_of,
     can_be_followed,
     encoded,
@@ -82,7 +83,7 @@ def write_sheets(environment: Evaluated, episodes: Sequence[Episode], folder: Pa
     if environment.playable_names:
         made.append(pose_sheet(environment, episodes).write(folder / "poses.png"))
         made.append(style_sheet(environment, episodes).write(folder / "styles.png"))
-    for mode in ("playability", "camera") if environment.actions else ("camera",):
+    for mode in ("playability", "camera") if acts(environment) else ("camera",):
         sheet = playback_sheet(environment, episodes, mode)
         if sheet.rows:
             made.append(sheet.write(folder / f"{mode}.png"))

@@ -77,10 +77,15 @@ def cameras_of(episode: Episode, view: int = RECORDED_VIEW) -> list[Camera]:
     return [episode.camera(view, frame) for frame in range(episode.arrays.frames)]
 
 
+def acts(environment: Evaluated) -> bool:
+    """Whether the model has players, and actions for them."""
+    return bool(environment.actions) and bool(environment.playable_names)
+
+
 def can_be_followed(environment: Evaluated, episode: Episode) -> bool:
     """Whether the players move, are all seen in every frame, and the model has actions."""
     in_view = bool(episode.arrays.present[RECORDED_VIEW].all())
-    return episode.arrays.frames > 1 and in_view and bool(environment.actions)
+    return episode.arrays.frames > 1 and in_view and acts(environment)
 
 
 def roll_out(

@@ -110,3 +110,12 @@ def test_a_sheet_holds_its_pictures_under_their_labels(tmp_path):
     assert picture[4 + 16 + 5, 4 + 5].tolist() == [1.0, 0.0, 0.0]
     assert picture[4 + 16 + 5, 28 + 5].tolist() == [0.0, 0.0, 1.0]
     assert picture[4 + 30 + 16 + 5, 4 + 5].tolist() == [0.0, 0.0, 1.0]
+
+
+def test_a_model_without_players_is_judged_by_its_pictures_alone(capsys, clip, tmp_path):
+    plain = write_model(tmp_path / "plain.safetensors", players=())
+    report = result(capsys, "evaluate", "--data", clip, "--model", plain, "--table", "all")
+    assert set(report["tables"]) == {"reconstruction"}
+    assert "psnr" in report["tables"]["reconstruction"]["plain"]["figures"]
+    figures = result(capsys, "evaluate", "--data", clip, "--model", plain)["figures"]
+    assert set(figures) == {"reconstruction_psnr", "reconstruction_ssim"}
