@@ -17,8 +17,10 @@ from pe_runtime.dataset import Clips
 from pe_runtime.networks import SynthesisNetworks
 from pe_runtime.training.action_config import ActionTrainingConfig
 from pe_runtime.training.action_phase import ActionPhase
+from pe_runtime.training.action_sequences import ActionDataset
 from pe_runtime.training.encoded_clips import encode_clips
 from pe_runtime.training.loop import Log, Moment, Schedule, run
+from pe_runtime.training.pruning import with_actions
 from pe_runtime.training.synthesis_phase import load_synthesis, prefixed
 
 
@@ -79,6 +81,9 @@ def train_model_actions(
         )
         run(phase, Path(output) / name, schedule, resume, on_log, on_step)
         modules[name], judges[name] = phase.module.eval(), phase.judge
+        if len(playable) == 1:
+            modules[name] = _without_unused(modules[name], dataset)
+            config = replace(config, action=modules[name].config)
         known = None
         if dataset.true_actions is not None and clips.action_names:
             known = KnownActions(dataset.true_actions, clips.action_names)
@@ -92,6 +97,14 @@ def train_model_actions(
     }
     write_model(path, config, networks, modules, facts, judges)
     return path
+
+
+def _without_unused(module: ActionModule, data: ActionDataset) -> ActionModule:
+    """The module without actions that no training step is; several classes share their number."""
+    taken = torch.unique(module.infer(data.sequences())).tolist()
+    if len(taken) == module.config.actions or module.config.discriminator == "states":
+        return module
+    return with_actions(module, taken, (data.styles.shape[1], data.poses.shape[2]))
 
 
 def write_model(

@@ -37,7 +37,13 @@ def same(first, second):
 def test_a_trained_model_keeps_its_judge_and_still_loads(trained):
     assert weights(trained, "judges.player.layers.0")
     loaded = PlayableEnvironment.load(trained, device="cpu")
-    assert len(loaded.action_names["player_1"]) == 3
+    assert len(loaded.action_names["player_1"]) == loaded.config.action.actions
+
+
+def test_a_trained_model_has_no_action_that_nobody_takes(trained):
+    loaded = PlayableEnvironment.load(trained, device="cpu")
+    assert "unused" not in loaded.action_names["player_1"]
+    assert 1 <= loaded.config.action.actions <= small_config().action.actions
 
 
 @pytest.mark.parametrize("go_on", [True, False])
