@@ -151,7 +151,9 @@ def test_players_can_be_moved_restyled_reposed_and_hidden(environment, clip, enc
 def test_every_quality_draws_the_same_picture_up_to_its_cost(environment, clip, encoded):
     camera = clip[1].camera(0, 0)
     exact = environment.render(encoded, camera).rgb
-    for quality, bound in (("balanced", 0.02), ("draft", 0.35)):
+    # The largest error is a pixel's at a silhouette and another one for every training; what holds
+    # is the mean: 60 dB and 40 dB.
+    for quality, largest, mean in (("balanced", 0.1, 1e-3), ("draft", 0.4, 1e-2)):
         cheaper = environment.render(encoded, camera, RenderOptions(quality)).rgb
-        assert np.abs(cheaper - exact).max() < bound, quality
-        assert np.sqrt(np.mean((cheaper - exact) ** 2)) < 0.02, quality
+        assert np.abs(cheaper - exact).max() < largest, quality
+        assert np.sqrt(np.mean((cheaper - exact) ** 2)) < mean, quality
