@@ -1,7 +1,7 @@
 """The synthesis module: encoders, fields and feature renderer of one model."""
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import torch
@@ -59,6 +59,8 @@ class SynthesisNetworks(nn.Module):
         self.feature_renderer = build_feature_renderer(config.feature_renderer)
         turning = {n: c.heading for n, c in config.classes.items() if c.heading is not None}
         self.headings = nn.ModuleDict({n: HeadingEncoder(each) for n, each in turning.items()})
+        # Counts of this batch; where several processes train, those of all their batches.
+        self.total: Callable[[Tensor], Tensor] = lambda counts: counts
 
     def encode(
         self,
@@ -122,8 +124,13 @@ class SynthesisNetworks(nn.Module):
     ) -> tuple[Float[Tensor, "crops style"], Float[Tensor, "crops pose"]]:
         """Codes of all crops. In training, crops that show nothing stay out of batch statistics."""
         encoder, shown = self.encoders[class_name], visible.T.flatten()
-        # One crop alone has no statistics; and processes that train together must all ask for them.
-        if not self.training or shown.all() or shown.sum() < 2:
+        if not self.training:
+            return encoder(glimpse.crops, glimpse.view)
+        there, crops = self.total(
+            torch.stack([shown.sum(), torch.tensor(len(shown)).to(shown.device)])
+        )
+        # One crop alone has no statistics.
+        if there == crops or there < 2:
             return encoder(glimpse.crops, glimpse.view)
         style, pose = (
             each.new_zeros(len(shown), each.shape[1]).index_put((shown,), each)

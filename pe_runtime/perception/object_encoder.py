@@ -67,7 +67,8 @@ class ObjectEncoder(nn.Module):
             return style, self._normalised(pose.float())
 
     def _normalised(self, pose: Tensor) -> Tensor:
-        if len(pose) > 1:
+        # What stands in for the plain layer knows the crops of other processes as well.
+        if len(pose) > 1 or not isinstance(self.normalise, nn.BatchNorm1d):
             return self.normalise(pose)
         # A single crop has no deviation; it is seen by those of the crops before it.
         running = self.normalise.running_mean, self.normalise.running_var

@@ -28,7 +28,7 @@ from pe_runtime.training.loop import (
 from pe_runtime.training.octaves import OctaveWindows
 from pe_runtime.training.patches import cut, patch_plan
 from pe_runtime.training.perceptual import build_perceptual, gradient_distance
-from pe_runtime.training.processes import Team
+from pe_runtime.training.processes import Team, Total
 
 BORDER = 4
 """Pixels at the rim of a patch that the loss leaves out: F sees no neighbours there."""
@@ -61,6 +61,7 @@ class SynthesisPhase:
         self.team = Team.current()
         if self.team.size > 1:
             share_statistics(networks)
+            networks.total = Total.apply
             self.team.spread(networks)
         decoder = list(networks.feature_renderer.parameters())
         taken = {id(p) for p in decoder}

@@ -59,7 +59,7 @@ def test_two_processes_get_what_one_gets_from_the_doubled_batch(pair, alone, kin
     found, wanted = under(left(pair, "trained")[0], kind), under(alone, kind)
     assert found.keys() == wanted.keys()
     for name, each in wanted.items():
-        torch.testing.assert_close(found[name], each, rtol=1e-5, atol=1e-6, msg=name)
+        torch.testing.assert_close(found[name], each, rtol=1e-5, atol=5e-6, msg=name)
     assert any(each.numel() and each.abs().max() > 1e-2 for each in wanted.values())
 
 
