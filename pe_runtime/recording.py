@@ -50,6 +50,7 @@ class RecordingJob:
         output: Folder of the data set.
         views: Cameras to record.
         samples: Cycles samples per ray; 1 is exact for the built-in scenes.
+        frames: Of each episode; None for the scene's own number.
     """
 
     scene: str
@@ -59,9 +60,11 @@ class RecordingJob:
     output: Path
     views: int = 1
     samples: int = 1
+    frames: int | None = None
 
     def __post_init__(self) -> None:
         numbers = {"sequences": self.sequences, "views": self.views, "samples": self.samples}
+        numbers |= {} if self.frames is None else {"frames": self.frames}
         numbers |= {"width": self.size[0], "height": self.size[1]}
         for name, value in numbers.items():
             if value < 1:
@@ -270,6 +273,8 @@ def _options(job: RecordingJob, chunk: range) -> list[str]:
         "--samples": job.samples,
         "--output": job.output,
     }
+    if job.frames is not None:
+        options["--frames"] = job.frames
     flat = [str(word) for pair in options.items() for word in pair]
     return [*flat, "--sequence-range", str(chunk.start), str(chunk.stop)]
 

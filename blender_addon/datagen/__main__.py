@@ -54,7 +54,9 @@ def _parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--size", type=_size, default=(256, 144), metavar="WxH")
     parser.add_argument("--views", type=int, default=1)
     parser.add_argument("--samples", type=int, default=1, help="Cycles samples per ray")
-    parser.add_argument("--frames", type=int, help="record only the first frames")
+    parser.add_argument(
+        "--frames", type=int, help="frames of an episode (default: 12, or the file's)"
+    )
     parser.add_argument("-o", "--output", type=Path, required=True)
     return parser.parse_args(arguments)
 
@@ -104,16 +106,13 @@ def _scene_builder(options: argparse.Namespace) -> "Callable[[int], Recordable]"
         if options.scene in BUILT_IN_SCENES:
             from blender_addon.datagen.built_in import build_scene
 
-            return build_scene(options.scene, options.seed, number)
-        return open_blend(Path(options.scene))
-
-    def cut(number: int) -> "Recordable":
-        source = build(number)
+            return build_scene(options.scene, options.seed, number, options.frames)
+        source = open_blend(Path(options.scene))
         if options.frames is not None:
             keep_first_frames(source, options.frames)
         return source
 
-    return cut
+    return build
 
 
 def _keep_stdout_clean() -> TextIO:

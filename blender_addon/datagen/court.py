@@ -18,10 +18,10 @@ _STATIC_SUN = 1  # the seed of the one sun of `static-court`
 _SKY = (0.82, 0.88, 0.94), (0.45, 0.64, 0.88)
 
 
-def build_court(seed: int, sequence: int, static: bool = False) -> Recordable:
+def build_court(seed: int, sequence: int, frames: int = FRAMES, static: bool = False) -> Recordable:
     """Empty Blender and build one sequence of `court`, or of `static-court`, in it."""
-    plan = draw_rally(seed, sequence, static)
-    scene = empty_scene(FRAMES, STEPS_PER_SECOND)
+    plan = draw_rally(seed, sequence, static, frames)
+    scene = empty_scene(frames, STEPS_PER_SECOND)
     palette = Palette()
     build_stadium(scene, usual_stadium() if static else draw_stadium(plan.rng), palette)
     make_sky(scene, *_SKY)

@@ -37,17 +37,17 @@ _PANELS = ((-11.0, -7.0), (-4.5, -1.0), (1.5, 5.0), (7.5, 11.0))
 _PANEL_Z = (0.6, 2.7)
 
 
-def build_duel(seed: int, sequence: int) -> Recordable:
+def build_duel(seed: int, sequence: int, frames: int = FRAMES) -> Recordable:
     """Empty Blender and build one sequence of `duel` in it."""
-    return build_planned(draw_sequence(seed, sequence), "duel")
+    return build_planned(draw_sequence(seed, sequence, frames), "duel")
 
 
-def build_duel_camera(seed: int, sequence: int) -> Recordable:
+def build_duel_camera(seed: int, sequence: int, frames: int = FRAMES) -> Recordable:
     """Empty Blender and build one sequence of `duel` whose second camera explores.
 
     What the first camera sees is the sequence of `duel` with the same numbers.
     """
-    plan = draw_sequence(seed, sequence)
+    plan = draw_sequence(seed, sequence, frames)
     # A source of its own: the colours drawn next must be those of `duel`.
     rng = np.random.default_rng((seed, sequence, 1))
     first, _ = plan.views
@@ -57,7 +57,7 @@ def build_duel_camera(seed: int, sequence: int) -> Recordable:
 
 def build_planned(plan: Plan, name: str) -> Recordable:
     """Empty Blender and build a planned sequence; what it wears is drawn from the plan's rng."""
-    scene = empty_scene(FRAMES, STEPS_PER_SECOND)
+    scene = empty_scene(len(plan.motion.positions), STEPS_PER_SECOND)
     colours = draw_surroundings(plan.rng)
     palette = Palette()
     _build_court(scene, palette, colours)

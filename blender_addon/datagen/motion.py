@@ -73,11 +73,11 @@ class Plan:
     rng: np.random.Generator
 
 
-def draw_sequence(seed: int, sequence: int) -> Plan:
+def draw_sequence(seed: int, sequence: int, frames: int = FRAMES) -> Plan:
     """Draw one sequence; the same numbers give the same plan in every process."""
     rng = np.random.default_rng((seed, sequence))
     for _ in range(_ATTEMPTS):
-        views = plan_views(rng, FRAMES)
+        views = plan_views(rng, frames)
         try:
             return Plan(plan_motion(rng, views[0]), views, rng)
         except NoRoomError:

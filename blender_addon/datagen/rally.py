@@ -51,19 +51,20 @@ class Rally:
     rng: np.random.Generator
 
 
-def draw_rally(seed: int, sequence: int, static: bool = False) -> Rally:
+def draw_rally(seed: int, sequence: int, static: bool = False, frames: int = FRAMES) -> Rally:
     """Draw one sequence; the same numbers give the same plan in every process.
 
     Args:
         seed: Of the data set.
         sequence: Number of the episode.
         static: One player before a camera that never moves.
+        frames: Of the episode.
     """
     rng = np.random.default_rng((seed, sequence))
     players = LONE_PLAYER if static else PLAYERS
     rules = Rules(players, _DIRECTIONS, STEP_METRES, _legality(players))
     for _ in range(_ATTEMPTS):
-        views = fixed_views(FRAMES) if static else plan_broadcast(rng, FRAMES)
+        views = fixed_views(frames) if static else plan_broadcast(rng, frames)
         try:
             start = _start(rng, rules, views[0][0])
             actions, positions = walk(rng, rules, start, views[0])

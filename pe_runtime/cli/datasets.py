@@ -44,6 +44,9 @@ class RecordChoices:
             min=1, max=2, help="Cameras to record; default: the scene's, and 2 for val and test."
         ),
     ] = None
+    frames: Annotated[
+        int | None, typer.Option(min=2, help="Of each episode; default: the scene's, 12.")
+    ] = None
     processes: Annotated[
         int | None, typer.Option(min=1, help="Blenders at once; default: one per core.")
     ] = None
@@ -251,13 +254,15 @@ def _recording_jobs(output: Path, scene: str, choices: RecordChoices) -> "dict[s
     size, usual = parse_size(choices.size), BUILT_IN_SCENES.get(scene, 1)
     if choices.splits is None:
         views = choices.views or usual
-        return {"": RecordingJob(scene, choices.sequences, choices.seed, size, output, views)}
+        job = RecordingJob(scene, choices.sequences, choices.seed, size, output, views)
+        return {"": dataclasses.replace(job, frames=choices.frames)}
     jobs = {}
     for split, count in parse_splits(choices.splits).items():
         # A second view is the ground truth of novel views; training never looks at it.
         views = choices.views or (usual if split == "train" else 2)
         seed = choices.seed + SEED_OFFSETS[split]
-        jobs[split] = RecordingJob(scene, count, seed, size, output / split, views)
+        job = RecordingJob(scene, count, seed, size, output / split, views)
+        jobs[split] = dataclasses.replace(job, frames=choices.frames)
     return jobs
 
 

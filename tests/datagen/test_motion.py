@@ -195,3 +195,11 @@ def test_feet_behind_a_person_are_hidden_and_beside_one_are_seen(plans):
     toward = view.eye * (1, 1, 0) / 4
     assert viewpoints.hides_feet(view, np.stack([toward, np.zeros(3)]))
     assert not viewpoints.hides_feet(view, np.stack([toward + right, np.zeros(3)]))
+
+
+@pytest.mark.parametrize("frames", [12, 17, 30])
+def test_sequences_can_be_longer_than_usual(frames):
+    plan = draw_sequence(3, 1, frames)
+    assert plan.motion.positions.shape == (frames, 2, 3)
+    assert plan.motion.actions.shape == (frames - 1, 2)
+    assert all(len(path) == frames for path in plan.views)
