@@ -1,15 +1,13 @@
 """`pe dataset`: training data."""
 
 import dataclasses
-import functools
-import inspect
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.text import Text
 
+from pe_runtime.cli.option_groups import grouped
 from pe_runtime.cli.terminal import parse_size, progress, shared, show
 from pe_runtime.contract.errors import EpisodeError
 from pe_runtime.contract.scenes import BUILT_IN_SCENES
@@ -72,32 +70,9 @@ class NoiseChoices:
     ] = 0.05
 
 
-def _choosing(kind: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a command the fields of a dataclass as options; it gets them as `choices`."""
-    names = [each.name for each in dataclasses.fields(kind)]
-
-    def decorate(command: Callable[..., None]) -> Callable[..., None]:
-        @functools.wraps(command)
-        def run(**given: Any) -> None:  # noqa: ANN401
-            chosen = kind(**{name: given.pop(name) for name in names})
-            command(**given, choices=chosen)
-
-        own = dict(inspect.signature(command).parameters)
-        del own["choices"]
-        parameters = [*own.values(), *inspect.signature(kind).parameters.values()]
-        # Typer reads the signature and the annotations to build the options.
-        run.__signature__ = inspect.Signature(
-            [each.replace(kind=inspect.Parameter.KEYWORD_ONLY) for each in parameters]
-        )
-        run.__annotations__ = {each.name: each.annotation for each in parameters}
-        return run
-
-    return decorate
-
-
 @app.command()
 @shared
-@_choosing(RecordChoices)
+@grouped
 def record(
     output: Annotated[Path, typer.Option("--out", "-o", help="Folder of the data set.")],
     scene: Annotated[
@@ -133,7 +108,7 @@ def info(
 
 @app.command()
 @shared
-@_choosing(NoiseChoices)
+@grouped
 def disturb(
     dataset: Folder,
     output: Annotated[Path, typer.Option("--out", "-o", help="Folder of the noisy copy.")],
@@ -210,7 +185,7 @@ class ImportChoices:
 
 @app.command()
 @shared
-@_choosing(ImportChoices)
+@grouped
 def import_official(
     root: Annotated[Path, typer.Argument(help="Folder with train, val and test, or one of them.")],
     output: Annotated[Path, typer.Option("--out", "-o", help="Folder of our data set(s).")],
