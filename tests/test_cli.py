@@ -195,7 +195,8 @@ def test_both_trainings_make_a_model_that_plays(capsys, clip, tmp_path):
     code, out, err = run(capsys, "train", "actions", *options)
     assert code == 0, err
     facts = result(capsys, "info", json.loads(out)["model"])
-    assert len(facts["actions"]["player_1"]) == 3
+    # Those that nobody takes are taken out.
+    assert 1 <= len(facts["actions"]["player_1"]) <= 3
     code, _, err = run(capsys, "train", "actions", *options)
     assert (code, "holds another run" in err) == (1, True)
 
