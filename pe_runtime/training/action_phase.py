@@ -1,5 +1,6 @@
 """Second training phase: discover actions in encoded sequences (paper, Sec. 3.4)."""
 
+import math
 from collections.abc import Mapping
 
 import torch
@@ -20,6 +21,7 @@ from pe_runtime.training.action_config import ActionTrainingConfig
 from pe_runtime.training.action_sequences import ActionDataset, without_jumps
 from pe_runtime.training.likeness import discrepancy, pose_windows
 from pe_runtime.training.loop import (
+    BrokenStepError,
     Log,
     learning_rate_share,
     optimiser_tensors,
@@ -94,6 +96,10 @@ class ActionPhase:
 
         All noise comes from a generator that is seeded from torch's global one, so the loop's
         seeding of every step decides it.
+
+        Raises:
+            BrokenStepError: A loss or a gradient is not finite; the side that it belongs to keeps
+                its weights.
         """
         training = self.training
         generator = torch.Generator().manual_seed(int(torch.randint(2**62, ())))
@@ -106,12 +112,12 @@ class ActionPhase:
         rebuilt = self.module.reconstruct(encoded, sampling, self._memory(generator))
         self.memory = Memory(rebuilt.memory.hidden.detach(), rebuilt.memory.cell.detach())
         loss, figures = self._module_loss(encoded, rebuilt, sampling.noise)
-        self._descend("module", loss, training.learning_rate * share)
+        self._descend("module", loss, training.learning_rate * share, encoded)
         self.judge.requires_grad_(True)
         real = self._judged(encoded, rebuilt)
         fake = self._judged(rebuilt.sequence.detach(), rebuilt)
         loss = losses.discriminator_loss(real, fake)
-        self._descend("judge", loss, training.discriminator_learning_rate * share)
+        self._descend("judge", loss, training.discriminator_learning_rate * share, encoded)
         return figures | {"discriminator": loss.item()}
 
     def _sampling(self, progress: float, generator: torch.Generator) -> Sampling:
@@ -187,13 +193,16 @@ class ActionPhase:
         axes = sequence.axes(self.config.movement_frame if frame == "model" else frame)
         return movements(sequence.positions, axes).flatten(0, 1)
 
-    def _descend(self, name: str, loss: Tensor, rate: float) -> None:
+    def _descend(self, name: str, loss: Tensor, rate: float, batch: StateSequence) -> None:
         optimiser, network = self.optimisers[name], self._networks()[name]
         for group in optimiser.param_groups:
             group["lr"] = rate
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
-        nn.utils.clip_grad_norm_(network.parameters(), self.training.clip)
+        norm = nn.utils.clip_grad_norm_(network.parameters(), self.training.clip)
+        figures = {f"{name} loss": loss.item(), f"{name} gradient": norm.item()}
+        if not all(math.isfinite(each) for each in figures.values()):
+            raise BrokenStepError(figures, _evidence(batch))
         optimiser.step()
 
     @torch.no_grad()
@@ -254,6 +263,12 @@ class ActionPhase:
 
     def _networks(self) -> dict[str, nn.Module]:
         return {"module": self.module, "judge": self.judge}
+
+
+def _evidence(batch: StateSequence) -> dict[str, Tensor]:
+    """A batch as tensors to be stored."""
+    kept = {name: each for name, each in vars(batch).items() if each is not None}
+    return {name: each.detach().contiguous() for name, each in kept.items()}
 
 
 def _adam(network: nn.Module, rate: float, betas: tuple[float, float]) -> torch.optim.Adam:

@@ -3,6 +3,7 @@ import math
 
 import pytest
 import torch
+from safetensors.torch import load_file
 from synthetic_states import make_states
 
 from pe_runtime.action.description import describe_actions
@@ -12,7 +13,7 @@ from pe_runtime.contract.errors import CheckpointError, EpisodeError
 from pe_runtime.training.action_config import ActionTrainingConfig
 from pe_runtime.training.action_phase import ActionPhase
 from pe_runtime.training.likeness import discrepancy, pose_windows
-from pe_runtime.training.loop import Schedule, run
+from pe_runtime.training.loop import Schedule, TrainingError, run
 
 SMALL = ActionConfig(actions=6, hidden=16, dynamics_width=16, discriminator_width=8)
 QUICK = ActionTrainingConfig(batch=8, shortest=3, longest=6)
@@ -279,3 +280,20 @@ def test_likeness_makes_poses_move_as_encoded_ones_do(data):
         noise = Noise(torch.Generator().manual_seed(0))
         apart.append(float(discrepancy(encoded, made.detach(), noise)))
     assert apart[1] < 0.6 * apart[0]
+
+
+@pytest.mark.parametrize("side", ["module", "judge"])
+def test_a_broken_step_keeps_its_batch_and_its_weights(data, tmp_path, side):
+    phase = ActionPhase(data, SMALL, QUICK)
+    network = phase.module.dynamics.pose if side == "module" else phase.judge.score
+    bias = network.bias
+    with torch.no_grad():
+        bias.fill_(torch.nan)
+    weights = {name: each.clone() for name, each in getattr(phase, side).named_parameters()}
+    with pytest.raises(TrainingError, match="not finite") as problem:
+        train(phase, tmp_path, 3)
+    for name, each in getattr(phase, side).named_parameters():
+        assert torch.equal(each.nan_to_num(7.0), weights[name].nan_to_num(7.0))
+    (kept,) = tmp_path.glob("broken-*.safetensors")
+    assert kept.name in str(problem.value)
+    assert load_file(kept)["poses"].shape[2] == data.poses.shape[2]
