@@ -102,9 +102,15 @@ def live(folder):
     return facts
 
 
+def native_threads():
+    """Names of all threads of this process, those of libraries too (Linux; elsewhere none)."""
+    return [each.read_text().strip() for each in Path("/proc/self/task").glob("*/comm")]
+
+
 if __name__ == "__main__":
     torch.set_num_threads(1)
     folder = Path(sys.argv[1])
     with joined() as team:
         save_checkpoint(folder / f"trained-{team.rank}.safetensors", train(1), {})
         save_checkpoint(folder / f"lived-{team.rank}.safetensors", live(folder), {})
+    (folder / f"threads-{team.rank}").write_text("\n".join(native_threads()))

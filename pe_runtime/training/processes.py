@@ -14,6 +14,12 @@ from torch import Tensor, distributed, nn
 
 from pe_runtime.contract.errors import ConfigError
 
+if distributed.is_available():
+    # Its functions take the group that there is when they are defined for their default, and
+    # optimisers load it sooner or later. Loaded after the group was made, it keeps gloo's threads
+    # alive to the very end, where one of them may abort an interpreter that is closing.
+    import torch.distributed.nn
+
 Log = dict[str, float]
 
 

@@ -108,6 +108,12 @@ def test_a_loss_that_breaks_in_one_process_ends_all_and_leaves_the_whole_batch(p
     assert tensors["images"].shape[0] == 4
 
 
+def test_no_thread_of_the_exchange_outlives_it(pair):
+    """One that does may abort the interpreter while it closes, after all the work is done."""
+    threads = [(pair / f"threads-{rank}").read_text().split() for rank in (0, 1)]
+    assert [name for each in threads for name in each if "gloo" in name] == []
+
+
 def test_a_process_alone_takes_everything_and_exchanges_nothing(monkeypatch):
     monkeypatch.delenv("WORLD_SIZE", raising=False)
     with joined() as team:
