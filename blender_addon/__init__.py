@@ -6,9 +6,9 @@ Importing this package is cheap and needs no Blender; `register()` loads the par
 
 def _parts() -> tuple:
     """The modules that register something, in an order in which each finds its predecessors."""
-    from . import engine, operators, panels, session, settings
+    from . import engine, framing, installing, playing, session, settings, strips
 
-    return settings, session, engine, operators, panels
+    return settings, session, installing, engine, framing, playing, strips
 
 
 def register() -> None:

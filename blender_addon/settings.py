@@ -1,4 +1,4 @@
-"""What the add-on stores in a .blend file and in Blender's preferences.
+"""What the add-on stores in a .blend file.
 
 A scene carries one environment; an Empty with `playable.is_playable` stands for one of its
 objects. Actions are an enum of fixed numbers: a key stores the number, so the numbers never change
@@ -24,8 +24,6 @@ from bpy.props import (
 )
 
 from pe_runtime.contract.model_facts import ModelFacts
-
-from . import session
 
 SCHEMA = 1
 UNNAMED_ACTIONS = 16
@@ -189,33 +187,7 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
         return {each.name: tuple(each.box) for each in self.boxes if any(each.box)}
 
 
-class PlayableEnvironmentPreferences(bpy.types.AddonPreferences):
-    """Where the runtime lives: a Python with `playable-environments` installed."""
-
-    bl_idname = __package__
-
-    runtime_python: StringProperty(
-        name="Runtime Python",
-        description="Python executable that has playable-environments installed",
-        subtype="FILE_PATH",
-        update=lambda self, _context: self.apply(),
-    )
-    runtime_arguments: StringProperty(
-        name="Arguments",
-        description="More arguments for the worker, for example --fake",
-        update=lambda self, _context: self.apply(),
-    )
-
-    def apply(self) -> None:
-        """Make the next worker start with these preferences."""
-        session.use_python(self.runtime_python, self.runtime_arguments.split())
-
-    def draw(self, _context: bpy.types.Context) -> None:
-        self.layout.prop(self, "runtime_python")
-        self.layout.prop(self, "runtime_arguments")
-
-
-CLASSES = (PlayableSettings, BoxSettings, EnvironmentSettings, PlayableEnvironmentPreferences)
+CLASSES = (PlayableSettings, BoxSettings, EnvironmentSettings)
 
 
 def register() -> None:

@@ -101,3 +101,15 @@ def show_progress(context: bpy.types.Context, text: str, share: float) -> None:
     """Show what is being done and how much of it is, in [0, 1]."""
     context.window_manager.progress_update(int(100 * share))
     context.workspace.status_text_set(f"{text} · {share:.0%} · Esc to stop")
+
+
+def allowed(operator: type, condition: bool, why_not: str) -> bool:
+    """The answer of a poll; where it is no, a greyed button says why."""
+    if not condition:
+        operator.poll_message_set(why_not)
+    return condition
+
+
+def model_path(model: str) -> str:
+    """A model's setting as the worker takes it: a built-in name, or a path from the root."""
+    return bpy.path.abspath(model) if model.startswith("//") else model

@@ -19,7 +19,7 @@ HOMES = {
     "OpenImageIO": ("pixels on disk", ("images", "datagen")),
     "struct": ("the wire", ("messages",)),
     "sys.stdout": ("what is printed", ("cli", "worker", "__main__")),
-    "bpy.context": ("the user's context", ("operators", "panels", "datagen")),
+    "bpy.context": ("the user's context", ("operators", "panels", "preferences", "datagen")),
 }
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 
@@ -173,7 +173,9 @@ def test_every_file_says_what_it_is_for():
 
 
 HOME_OF_WEIGHTS = "uses safetensors: weights on disk lives in checkpoint"
-HOME_OF_CONTEXT = "uses bpy.context: the user's context lives in operators, panels, datagen"
+HOME_OF_CONTEXT = (
+    "uses bpy.context: the user's context lives in operators, panels, preferences, datagen"
+)
 BAD_SAMPLES = [
     (budget_breaches, "def f(a, b, c, d, e, f, g, h): pass", "f: 8 parameters"),
     (budget_breaches, "def f():\n" + "    x = 1\n" * 60, "f: 61 lines"),

@@ -1,0 +1,22 @@
+"""From a picture to a scene: camera, boxes, and the Empties that stand for its objects."""
+
+
+def _parts() -> tuple:
+    from . import operators, panels
+
+    return (
+        operators,
+        panels,
+    )
+
+
+def register() -> None:
+    """Register the parts in order."""
+    for part in _parts():
+        part.register()
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    for part in reversed(_parts()):
+        part.unregister()
