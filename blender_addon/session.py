@@ -1,11 +1,11 @@
 """The one live worker of this Blender, kept in the module because engines come and go per frame.
 
-Several threads may ask (the render job and the main one); one request runs at a time.
+Several threads may ask (the render job, the preview, operators); one request runs at a time.
 """
 
 import atexit
 import sys
-import threading
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any
@@ -14,17 +14,25 @@ import numpy as np
 
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import WorkerError
+from pe_runtime.contract.messages import Message
 from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
 
 from .replies import PredictedPaths, RenderedFrame, WorkerCancelledError
+from .turns import Turns
 from .worker_client import OnProgress, ShouldStop, WorkerClient, worker_command
 
 STOPPED, STARTING, READY, BUSY, FAILED = "stopped", "starting", "ready", "busy", "failed"
+CLOSE_SECONDS = 5.0
+PROMISE_SECONDS = 10.0
+"""How long a yielding caller leaves alone what was begun for somebody else."""
 
 
 class Session:
     """Starts a worker when one is needed, loads the model a request names, and asks.
+
+    Every request may be `yielding`: it raises WorkerCancelledError as soon as anybody else wants
+    the worker. Others wait for their turn.
 
     Attributes:
         status: One of `stopped starting ready busy failed`.
@@ -38,7 +46,9 @@ class Session:
         self._client: WorkerClient | None = None
         self._facts: dict[str, ModelFacts] = {}
         self._loaded = ""
-        self._lock = threading.Lock()
+        self._turns = Turns()
+        self._closing = 0
+        self._promised_at = 0.0
 
     @property
     def worker_pid(self) -> int | None:
@@ -51,27 +61,36 @@ class Session:
         self.close()
         self._command = list(command) if command else None
 
-    def facts(self, model: str) -> ModelFacts:
+    def facts(
+        self, model: str, should_stop: ShouldStop | None = None, yielding: bool = False
+    ) -> ModelFacts:
         """What there is to know about a model; loads it on first use."""
-        with self._conversation(model):
+        with self.conversation(model, should_stop, yielding):
             return self._facts[model]
 
     def encode(
-        self, model: str, image: np.ndarray, camera: Camera, boxes: Mapping[str, Sequence[float]]
+        self,
+        model: str,
+        image: np.ndarray,
+        camera: Camera,
+        boxes: Mapping[str, Sequence[float]],
+        should_stop: ShouldStop | None = None,
+        yielding: bool = False,
     ) -> dict[str, Any]:
         """Encode a picture; see `WorkerClient.encode`."""
-        with self._conversation(model) as client:
-            return client.encode(image, camera, boxes)
+        with self.conversation(model, should_stop, yielding) as (client, stop):
+            return client.encode(image, camera, boxes, stop)
 
     def rollout(
         self,
         shot: Shot,
         should_stop: ShouldStop | None = None,
         on_progress: OnProgress | None = None,
+        yielding: bool = False,
     ) -> PredictedPaths:
         """Predict paths; see `WorkerClient.rollout`."""
-        with self._conversation(shot.model) as client:
-            return client.rollout(shot, should_stop, on_progress)
+        with self.conversation(shot.model, should_stop, yielding) as (client, stop):
+            return client.rollout(shot, stop, on_progress)
 
     def render(
         self,
@@ -79,50 +98,110 @@ class Session:
         frame: int,
         should_stop: ShouldStop | None = None,
         whole: Shot | None = None,
+        yielding: bool = False,
     ) -> RenderedFrame:
         """Draw one frame; see `WorkerClient.render`."""
-        with self._conversation(shot.model) as client:
-            return client.render(shot, frame, should_stop, whole)
+        with self.conversation(shot.model, should_stop, yielding) as (client, stop):
+            return client.render(shot, frame, stop, whole)
 
     def foresee(self, take: Shot, frame: int, whole: Shot) -> None:
         """Have a frame begun that is likely to come next; see `WorkerClient.foresee`."""
         # Nobody waits for it: what is wrong is said when the frame itself is asked for.
-        with suppress(WorkerError), self._conversation(take.model) as client:
+        with suppress(WorkerError), self.conversation(take.model) as (client, _):
             client.foresee(take, frame, whole)
+            self._promised_at = time.monotonic()
+
+    def ask(
+        self,
+        model: str,
+        request: Message,
+        should_stop: ShouldStop | None = None,
+        on_progress: OnProgress | None = None,
+        yielding: bool = False,
+    ) -> Message:
+        """Send any request about a model and return its terminal reply."""
+        with self.conversation(model, should_stop, yielding) as (client, stop):
+            return client.ask(request, stop, on_progress)
 
     def close(self) -> None:
-        """Stop the worker, if there is one, and forget its failure."""
-        with self._lock:
-            if self._client:
-                self._client.stop()
+        """Stop the worker, if there is one, and forget its failure; a running request gives up."""
+        self._closing += 1
+        try:
+            if self._turns.mine:
+                self._forget()
+            else:
+                self._close_in_turn()
+        finally:
+            self._closing -= 1
+        self.status, self.error = STOPPED, ""
+
+    def _close_in_turn(self) -> None:
+        try:
+            with self._turns.taken(patience=CLOSE_SECONDS):
+                if self._client:
+                    self._client.stop()
+                self._forget()
+        except WorkerError:  # whoever has the turn does not listen: end the process under it
             self._forget()
-            self.status, self.error = STOPPED, ""
 
     @contextmanager
-    def _conversation(self, model: str) -> Iterator[WorkerClient]:
-        if not self._lock.acquire(blocking=False):
-            raise WorkerError("the worker is busy with another request; wait until it is done")
-        try:
-            client = self._ready_client(model)
-            self.status = BUSY
-            yield client
-            self.status, self.error = READY, ""
-        except BaseException as error:  # the status has to tell of every way out
-            self._note(error)
-            raise
-        finally:
-            self._lock.release()
+    def conversation(
+        self, model: str, should_stop: ShouldStop | None = None, yielding: bool = False
+    ) -> Iterator[tuple[WorkerClient, ShouldStop]]:
+        """The worker with a model loaded, for as long as the block runs, and when to stop.
 
-    def _ready_client(self, model: str) -> WorkerClient:
+        Raises:
+            WorkerCancelledError: `should_stop` said so, or a yielding caller made way.
+            WorkerError: No worker can be had, or it failed.
+        """
+        own_wish = self._unless_closing(should_stop)
+
+        def stop() -> bool:
+            return (yielding and self._turns.wanted) or own_wish()
+
+        with self._turns.taken(yielding, own_wish):
+            try:
+                if yielding and self._keeps_a_promise():
+                    raise WorkerCancelledError("made way for the frame that comes next")
+                client = self._ready_client(model, stop, own_wish)
+                self.status = BUSY
+                yield client, stop
+                self.status, self.error = READY, ""
+            except BaseException as error:  # the status has to tell of every way out
+                self._note(error)
+                raise
+
+    def _unless_closing(self, should_stop: ShouldStop | None) -> ShouldStop:
+        return lambda: bool(self._closing) or (should_stop is not None and should_stop())
+
+    def _keeps_a_promise(self) -> bool:
+        """Whether the worker draws a frame that somebody is about to ask for."""
+        recent = time.monotonic() - self._promised_at < PROMISE_SECONDS
+        return recent and self._client is not None and self._client.foresees
+
+    def _ready_client(self, model: str, stop: ShouldStop, own_wish: ShouldStop) -> WorkerClient:
+        if self._client is not None:
+            self._end_what_was_cancelled(self._client, stop)
         if self._client is None or not self._client.alive:
             self._forget()
             self.status = STARTING
-            self._client = WorkerClient(self._command or default_command())
+            # Who waits needs a started worker too: only the caller's own wish ends the start.
+            self._client = WorkerClient(self._command or default_command(), should_stop=own_wish)
         if self._loaded != model:
             self._loaded = ""
-            self._facts[model] = self._client.load(model)
+            self.status = STARTING
+            self._facts[model] = self._client.load(model, stop)
             self._loaded = model
         return self._client
+
+    def _end_what_was_cancelled(self, client: WorkerClient, stop: ShouldStop) -> None:
+        """Wait for the end of a request that was given up; who cannot end it is replaced."""
+        try:
+            client.end_cancelled(stop)
+        except WorkerCancelledError:
+            raise
+        except WorkerError:
+            self._forget()
 
     def _note(self, error: BaseException) -> None:
         if self._client is None or not self._client.alive:

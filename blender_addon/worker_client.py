@@ -56,14 +56,21 @@ def worker_command(python: str | Path, arguments: Sequence[str] = ()) -> list[st
 class WorkerClient:
     """One worker process from start to end. A dead one stays dead; make another client."""
 
-    def __init__(self, command: Sequence[str], start_seconds: float = START_SECONDS) -> None:
+    def __init__(
+        self,
+        command: Sequence[str],
+        start_seconds: float = START_SECONDS,
+        should_stop: ShouldStop | None = None,
+    ) -> None:
         """Start the process and greet it.
 
         Args:
             command: Program and arguments, for example from `worker_command`.
             start_seconds: How long it may take until it answers.
+            should_stop: Asked until it does.
 
         Raises:
+            WorkerCancelledError: `should_stop` said so; nothing is left of the process.
             WorkerError: It cannot be started, dies, stays silent or speaks another protocol.
         """
         self.command = list(command)
@@ -72,11 +79,12 @@ class WorkerClient:
         self._owes_reply = False
         self._whole: Shot | None = None
         self._foreseen: tuple[Shot, int] | None = None
+        self._loading = ""
         self._process = self._launch()
         self._threads = [self._read(self._drain_stderr), self._read(self._receive)]
         try:
             greeting = {"protocol": PROTOCOL, "version": pe_runtime.__version__}
-            self._ask(Message("hello", greeting), seconds=start_seconds)
+            self.ask(Message("hello", greeting), should_stop, seconds=start_seconds)
         except BaseException:  # nobody will hold the client, so nobody else could stop it
             self.kill()
             raise
@@ -91,13 +99,28 @@ class WorkerClient:
         """Process number, for tests and for people who look at a process list."""
         return self._process.pid
 
-    def load(self, model: str) -> ModelFacts:
-        """Load a model by built-in name or path and return what Blender must know of it."""
+    @property
+    def foresees(self) -> bool:
+        """Whether it draws a frame that nobody has asked for yet."""
+        return self._foreseen is not None
+
+    def load(self, model: str, should_stop: ShouldStop | None = None) -> ModelFacts:
+        """Load a model by built-in name or path and return what Blender must know of it.
+
+        Given up, it goes on loading, and the next call for the same model waits for that.
+        """
         self._whole = None
-        return ModelFacts.from_fields(self._ask(Message("load", {"model": model})).fields)
+        if self._loading != model:
+            self._begin(Message("load", {"model": model}), should_stop)
+            self._loading = model
+        return ModelFacts.from_fields(self._finish("load", should_stop).fields)
 
     def encode(
-        self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Sequence[float]]
+        self,
+        image: np.ndarray,
+        camera: Camera,
+        boxes: Mapping[str, Sequence[float]],
+        should_stop: ShouldStop | None = None,
     ) -> dict:
         """Encode a picture into a state.
 
@@ -105,13 +128,14 @@ class WorkerClient:
             image: (height, width, 3) uint8 sRGB.
             camera: The camera that saw it, of the same size.
             boxes: Per playable object left, top, right, bottom in pixels.
+            should_stop: Asked while the worker encodes.
 
         Returns:
             The state as JSON values, as `state_as_dict` writes it.
         """
         listed = {name: [float(edge) for edge in box] for name, box in boxes.items()}
         fields = {"camera": camera.as_dict(), "boxes": listed}
-        return self._ask(Message("encode", fields, {"image": image})).fields["state"]
+        return self.ask(Message("encode", fields, {"image": image}), should_stop).fields["state"]
 
     def rollout(
         self,
@@ -121,7 +145,7 @@ class WorkerClient:
     ) -> PredictedPaths:
         """Predict where the playable objects go."""
         message = Message("rollout", {"shot": shot.as_dict()})
-        return paths_from(self._ask(message, should_stop, on_progress=on_progress))
+        return paths_from(self.ask(message, should_stop, on_progress=on_progress))
 
     def render(
         self,
@@ -162,6 +186,27 @@ class WorkerClient:
         self._prepare(whole, None)
         self._begin(_render_request(take, frame, True))
         self._foreseen = take, frame
+
+    def ask(
+        self,
+        request: Message,
+        should_stop: ShouldStop | None = None,
+        on_progress: OnProgress | None = None,
+        seconds: float | None = None,
+    ) -> Message:
+        """Send a request and return its terminal reply."""
+        self._begin(request, should_stop)
+        return self._finish(request.type, should_stop, on_progress, seconds=seconds)
+
+    def end_cancelled(self, should_stop: ShouldStop | None = None) -> None:
+        """Wait until a request that was given up has ended; what goes on usefully may go on.
+
+        Raises:
+            WorkerCancelledError: `should_stop` said so.
+            WorkerError: It does not end; the process was killed.
+        """
+        if not self._loading and self._foreseen is None:
+            self._settle(should_stop)
 
     def stop(self) -> None:
         """Let the worker end by itself; kill it if it does not."""
@@ -217,21 +262,10 @@ class WorkerClient:
         except (WorkerError, OSError, ValueError) as error:
             self._inbox.put(WorkerError(str(error)))
 
-    def _ask(
-        self,
-        request: Message,
-        should_stop: ShouldStop | None = None,
-        on_progress: OnProgress | None = None,
-        seconds: float | None = None,
-    ) -> Message:
-        """Send a request and return its terminal reply."""
-        self._begin(request, should_stop)
-        return self._finish(request.type, should_stop, on_progress, seconds=seconds)
-
     def _prepare(self, whole: Shot, should_stop: ShouldStop | None) -> None:
         if self._whole is not whole:
             self._whole = None
-            self._ask(Message("prepare", {"shot": whole.as_dict()}), should_stop)
+            self.ask(Message("prepare", {"shot": whole.as_dict()}), should_stop)
             self._whole = whole
 
     def _begin(self, request: Message, should_stop: ShouldStop | None = None) -> None:
@@ -255,7 +289,7 @@ class WorkerClient:
             elif reply.type == "frame" and on_frame:
                 on_frame(reply)
             elif reply.type in TERMINAL:
-                self._owes_reply = False
+                self._owes_reply, self._loading = False, ""
                 if reply.type == "failure":
                     raise error_from(reply)
                 return reply
@@ -289,22 +323,27 @@ class WorkerClient:
                 self.kill()
                 raise WorkerError(f"{reply}{self._tail()}") from reply
             yield reply
+            # It was not the last one: a worker that never pauses is stopped all the same.
+            if should_stop and should_stop():
+                self._cancel(asked)
 
     def _cancel(self, asked: str) -> None:
         """Tell the worker to give up and return at once; its last reply is read later."""
-        self._send(Message("cancel"))
+        if not self._loading:
+            self._send(Message("cancel"))
         raise WorkerCancelledError(f"{asked} was cancelled")
 
     def _settle(self, should_stop: ShouldStop | None) -> None:
         """Read what is left of a request that nobody waits for: cancelled, or foreseen wrongly."""
-        # Nobody gave up waiting for a frame that was foreseen: it may take as long as any other.
-        seconds = CANCEL_SECONDS if self._foreseen is None else None
+        # What nobody told to end until now may take as long as it would have anyway.
+        goes_on = self._foreseen is not None or self._loading
+        seconds = None if goes_on else CANCEL_SECONDS
         if not self._owes_reply:
             return
         self._send(Message("cancel"))
         for reply in self._replies("cancel", should_stop, seconds):
             if reply.type in TERMINAL:
-                self._owes_reply, self._foreseen = False, None
+                self._owes_reply, self._foreseen, self._loading = False, None, ""
                 return
 
     def _death(self, asked: str) -> WorkerError:

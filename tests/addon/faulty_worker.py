@@ -40,10 +40,19 @@ class SmallWorld(FakeWorld):
             yield picture
 
 
+class SlowlyLoadedWorld(FakeWorld):
+    """Takes its time to load."""
+
+    def load(self, model):
+        time.sleep(1.0)
+        return super().load(model)
+
+
 WORLDS = {
     "fails": FailingWorld,
     "dies": DyingWorld,
     "small": SmallWorld,
+    "slow_to_load": SlowlyLoadedWorld,
     "slow": lambda: FakeWorld(seconds_per_frame=1.0),
 }
 
