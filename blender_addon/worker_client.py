@@ -24,11 +24,17 @@ from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
 
 from .replies import (
+    DetectedBoxes,
+    MatchedCamera,
     PredictedPaths,
     RenderedFrame,
     WorkerCancelledError,
+    actions_from,
+    detected_from,
+    digests_from,
     error_from,
     frame_from,
+    matched_from,
     paths_from,
 )
 
@@ -168,7 +174,7 @@ class WorkerClient:
             WorkerError: The worker failed, died or answered without the frame.
         """
         if whole is not None:
-            self._prepare(whole, should_stop)
+            self.prepare(whole, should_stop)
         if self._foreseen != (shot, frame) or whole is None:
             self._begin(_render_request(shot, frame, whole is not None), should_stop)
         frames: list[Message] = []
@@ -183,7 +189,7 @@ class WorkerClient:
 
         Whatever is asked for next, the answer is right: another request ends this one.
         """
-        self._prepare(whole, None)
+        self.prepare(whole, None)
         self._begin(_render_request(take, frame, True))
         self._foreseen = take, frame
 
@@ -198,6 +204,13 @@ class WorkerClient:
         self._begin(request, should_stop)
         return self._finish(request.type, should_stop, on_progress, seconds=seconds)
 
+    def prepare(self, whole: Shot, should_stop: ShouldStop | None = None) -> None:
+        """Have a shot predicted that takes will be parts of, unless it is the last one already."""
+        if self._whole is not whole:
+            self._whole = None
+            self.ask(Message("prepare", {"shot": whole.as_dict()}), should_stop)
+            self._whole = whole
+
     def end_cancelled(self, should_stop: ShouldStop | None = None) -> None:
         """Wait until a request that was given up has ended; what goes on usefully may go on.
 
@@ -207,6 +220,74 @@ class WorkerClient:
         """
         if not self._loading and self._foreseen is None:
             self._settle(should_stop)
+
+    def digests(
+        self, shot: Shot, whole: Shot | None = None, should_stop: ShouldStop | None = None
+    ) -> dict[int, str]:
+        """Per frame of a shot a digest over everything that decides its pixels.
+
+        Args:
+            shot: The shot, or a take.
+            whole: The shot that it is a take of; as for `render`.
+            should_stop: Asked while the worker reckons.
+
+        Returns:
+            Hex digests by frame. Where two are equal, so are the pixels.
+        """
+        if whole is not None:
+            self.prepare(whole, should_stop)
+        message = Message("digests", {"shot": shot.as_dict(), "take": whole is not None})
+        return digests_from(self._ask(message, should_stop))
+
+    def match_camera(
+        self,
+        size: tuple[int, int],
+        points: Sequence[Sequence[float]],
+        focal: float | None = None,
+    ) -> MatchedCamera:
+        """Find the camera that sees points of the ground where they appear.
+
+        Args:
+            size: Width and height of the picture, pixels.
+            points: Four or more [u, v, x, y]: a pixel, and metres on the ground in environment
+                space.
+            focal: Focal length in pixels; None to find it too.
+        """
+        listed = [[float(each) for each in point] for point in points]
+        fields = {"width": size[0], "height": size[1], "points": listed, "focal": focal}
+        return matched_from(self._ask(Message("match_camera", fields)))
+
+    def detect(
+        self, image: np.ndarray, names: Sequence[str], should_stop: ShouldStop | None = None
+    ) -> DetectedBoxes:
+        """Find playable objects in a picture.
+
+        Args:
+            image: (height, width, 3) uint8 sRGB.
+            names: The objects that are wanted, from left to right.
+            should_stop: Asked while the worker looks.
+        """
+        message = Message("detect", {"names": list(names)}, {"image": image})
+        return detected_from(self._ask(message, should_stop))
+
+    def infer_actions(
+        self,
+        states: Sequence[Mapping],
+        cameras: Sequence[Camera],
+        should_stop: ShouldStop | None = None,
+    ) -> dict[str, list[int]]:
+        """Which actions lead from every state to the next.
+
+        Args:
+            states: States as `encode` gives them, one model step apart.
+            cameras: The camera of each.
+            should_stop: Asked while the worker reckons.
+
+        Returns:
+            Action indices per playable object, one fewer than states.
+        """
+        fields = {"states": list(states), "cameras": [each.as_dict() for each in cameras]}
+        return actions_from(self._ask(Message("infer_actions", fields), should_stop))
 
     def stop(self) -> None:
         """Let the worker end by itself; kill it if it does not."""
@@ -261,12 +342,6 @@ class WorkerClient:
             self._inbox.put(None)
         except (WorkerError, OSError, ValueError) as error:
             self._inbox.put(WorkerError(str(error)))
-
-    def _prepare(self, whole: Shot, should_stop: ShouldStop | None) -> None:
-        if self._whole is not whole:
-            self._whole = None
-            self.ask(Message("prepare", {"shot": whole.as_dict()}), should_stop)
-            self._whole = whole
 
     def _begin(self, request: Message, should_stop: ShouldStop | None = None) -> None:
         self._settle(should_stop)
