@@ -24,17 +24,11 @@ from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
 
 from .replies import (
-    DetectedBoxes,
-    MatchedCamera,
     PredictedPaths,
     RenderedFrame,
     WorkerCancelledError,
-    actions_from,
-    detected_from,
-    digests_from,
     error_from,
     frame_from,
-    matched_from,
     paths_from,
 )
 
@@ -220,74 +214,6 @@ class WorkerClient:
         """
         if not self._loading and self._foreseen is None:
             self._settle(should_stop)
-
-    def digests(
-        self, shot: Shot, whole: Shot | None = None, should_stop: ShouldStop | None = None
-    ) -> dict[int, str]:
-        """Per frame of a shot a digest over everything that decides its pixels.
-
-        Args:
-            shot: The shot, or a take.
-            whole: The shot that it is a take of; as for `render`.
-            should_stop: Asked while the worker reckons.
-
-        Returns:
-            Hex digests by frame. Where two are equal, so are the pixels.
-        """
-        if whole is not None:
-            self.prepare(whole, should_stop)
-        message = Message("digests", {"shot": shot.as_dict(), "take": whole is not None})
-        return digests_from(self._ask(message, should_stop))
-
-    def match_camera(
-        self,
-        size: tuple[int, int],
-        points: Sequence[Sequence[float]],
-        focal: float | None = None,
-    ) -> MatchedCamera:
-        """Find the camera that sees points of the ground where they appear.
-
-        Args:
-            size: Width and height of the picture, pixels.
-            points: Four or more [u, v, x, y]: a pixel, and metres on the ground in environment
-                space.
-            focal: Focal length in pixels; None to find it too.
-        """
-        listed = [[float(each) for each in point] for point in points]
-        fields = {"width": size[0], "height": size[1], "points": listed, "focal": focal}
-        return matched_from(self._ask(Message("match_camera", fields)))
-
-    def detect(
-        self, image: np.ndarray, names: Sequence[str], should_stop: ShouldStop | None = None
-    ) -> DetectedBoxes:
-        """Find playable objects in a picture.
-
-        Args:
-            image: (height, width, 3) uint8 sRGB.
-            names: The objects that are wanted, from left to right.
-            should_stop: Asked while the worker looks.
-        """
-        message = Message("detect", {"names": list(names)}, {"image": image})
-        return detected_from(self._ask(message, should_stop))
-
-    def infer_actions(
-        self,
-        states: Sequence[Mapping],
-        cameras: Sequence[Camera],
-        should_stop: ShouldStop | None = None,
-    ) -> dict[str, list[int]]:
-        """Which actions lead from every state to the next.
-
-        Args:
-            states: States as `encode` gives them, one model step apart.
-            cameras: The camera of each.
-            should_stop: Asked while the worker reckons.
-
-        Returns:
-            Action indices per playable object, one fewer than states.
-        """
-        fields = {"states": list(states), "cameras": [each.as_dict() for each in cameras]}
-        return actions_from(self._ask(Message("infer_actions", fields), should_stop))
 
     def stop(self) -> None:
         """Let the worker end by itself; kill it if it does not."""
