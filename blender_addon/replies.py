@@ -7,7 +7,7 @@ import numpy as np
 
 from pe_runtime.contract.errors import WorkerError
 from pe_runtime.contract.messages import CANCELLED, HEADING_PREFIX, Message
-from pe_runtime.contract.shot import MASK_PASS_PREFIX
+from pe_runtime.contract.shot import BACKGROUND_PASS, LAYER_PASS_PREFIX, MASK_PASS_PREFIX
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,8 @@ class RenderedFrame:
         depth: (height, width) float32 metres, +inf where nothing is; None if not asked for.
         masks: Per object (height, width) float32 in [0, 1].
         seconds: How long the worker drew.
+        layers: Per object (height, width, 4) uint8 sRGB with straight alpha: the object alone.
+        background: (height, width, 3) uint8 sRGB without playable objects; None if not asked for.
     """
 
     number: int
@@ -27,6 +29,8 @@ class RenderedFrame:
     depth: np.ndarray | None
     masks: Mapping[str, np.ndarray]
     seconds: float = 0.0
+    layers: Mapping[str, np.ndarray] = field(default_factory=dict)
+    background: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -67,11 +71,19 @@ def paths_from(reply: Message) -> PredictedPaths:
 
 def frame_from(reply: Message) -> RenderedFrame:
     """One drawn frame."""
-    masks = {
-        name.removeprefix(MASK_PASS_PREFIX): mask
-        for name, mask in reply.buffers.items()
-        if name.startswith(MASK_PASS_PREFIX)
-    }
     fields, buffers = reply.fields, reply.buffers
-    depth = buffers.get("depth")
-    return RenderedFrame(fields["number"], buffers["rgb"], depth, masks, fields["seconds"])
+    return RenderedFrame(
+        number=fields["number"],
+        rgb=buffers["rgb"],
+        depth=buffers.get("depth"),
+        masks=_named_after(MASK_PASS_PREFIX, buffers),
+        seconds=fields["seconds"],
+        layers=_named_after(LAYER_PASS_PREFIX, buffers),
+        background=buffers.get(BACKGROUND_PASS),
+    )
+
+
+def _named_after(prefix: str, buffers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The buffers of one kind of pass by object name."""
+    found = {n: each for n, each in buffers.items() if n.startswith(prefix)}
+    return {name.removeprefix(prefix): each for name, each in found.items()}

@@ -20,7 +20,8 @@ from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Start
 from pe_runtime.images import write_png
 from pe_runtime.worker.fake_world import ACTIONS, FakeWorld
-from pe_runtime.worker.serving import Inbox, Picture, serve
+from pe_runtime.worker.serving import Inbox, serve
+from pe_runtime.worker.world import Picture
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from pe_runtime.contract.messages import Message
 from pe_runtime.contract.shot import ObjectTrack, Start
 from pe_runtime.images import write_png
 from pe_runtime.worker.fake_world import FakeWorld
-from pe_runtime.worker.serving import box_mesh
+from pe_runtime.worker.world import box_mesh
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import tiny_model
 from plain_worker import LOAD, Worker, boxes, camera, make_shot, render
 
 from pe_runtime.contract.messages import Message
-from pe_runtime.contract.shot import ObjectTrack, Shot, Start, StyleMix
+from pe_runtime.contract.shot import ObjectTrack, Shot, Start
 from pe_runtime.environment import PlayableEnvironment
 from pe_runtime.images import write_png
 from pe_runtime.shots.clips import start_from_clip
@@ -80,10 +80,6 @@ def test_a_take_shows_the_frame_of_the_whole_shot(worker, whole):
     [
         ({"frame_start": 14, "frame_end": 14}, "frames of 1 to 13"),
         ({"objects": (ObjectTrack("player_3"),)}, "player_3"),
-        (
-            {"objects": (ObjectTrack("player_1", styles=(StyleMix(1, None, "player_2", 0.5),)),)},
-            "in their styles",
-        ),
         ({"model": "fake"}, "send load first"),
     ],
 )

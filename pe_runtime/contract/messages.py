@@ -18,7 +18,7 @@ import numpy as np
 
 from .errors import WorkerError
 
-PROTOCOL = 3
+PROTOCOL = 4
 """Version of this vocabulary, compared at ``hello``."""
 
 REQUESTS = {
@@ -31,6 +31,16 @@ REQUESTS = {
     "prepare": "fields shot -> ready; it is rolled out and kept, the one before is forgotten",
     "render": "fields shot, frames (list or null for all), take (true: the shot is a part of the "
     "prepared one and keeps its prediction) -> progress and frame, then ready",
+    "digests": "fields shot, take (as for render) -> state, field digests: by frame number (as "
+    "text) a hex digest over everything that decides the frame's pixels, weights too",
+    "infer_actions": "fields states (as of encode, one model step apart), cameras (one per state) "
+    "-> state, field actions: by playable object the action indices, one fewer than states",
+    "match_camera": "fields width, height (pixels), points (four or more of [u, v, x, y]: a pixel "
+    "and the environment's metres on the ground, z = 0), focal (pixels; null: solved for) -> "
+    "state, fields camera, residual (root mean square, pixels), worst (pixels)",
+    "detect": "field names (playable objects); buffer image uint8 (height, width, 3) -> state, "
+    "fields boxes (by name: left, top, right, bottom in pixels) and scores (by name, 0 to 1); "
+    "names that are not found are left out",
     "proxy_mesh": "fields object -> state; buffers vertices (n, 3) float32, faces (m, 3) int32",
     "cancel": "no reply of its own; running and waiting requests end with failure 'cancelled'",
     "stop": "no reply; the worker ends with exit code 0",
@@ -38,10 +48,11 @@ REQUESTS = {
 REPLIES = {
     "ready": "the request is done",
     "progress": "fields stage, done, total",
-    "state": "the answer of encode, rollout and proxy_mesh",
+    "state": "the answer of a request that asks for values",
     "frame": "fields number, seconds (that drawing took); buffers rgb uint8 (height, width, 3), "
     "depth float32 (height, width) in metres with +inf where nothing is, 'mask:NAME' float32 "
-    "(height, width)",
+    "(height, width), 'layer:NAME' uint8 (height, width, 4) with straight alpha, background uint8 "
+    "(height, width, 3); height and width are those of the shot's region where it has one",
     "failure": "fields kind (an error class name, or CANCELLED) and message",
 }
 TERMINAL = frozenset({"ready", "state", "failure"})

@@ -6,8 +6,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from .camera import Camera
+from .envelope import Envelope
 from .errors import CameraError, WorkerError
 
+Movement = tuple[float, float]
+"""Metres to the right and ahead in one model step, along the ground in the camera's frame."""
 Point = tuple[float, float, float]
 
 
@@ -46,6 +49,16 @@ class ModelFacts:
     """Where its pictures are usually taken from, environment space; None where nobody knows."""
     licence: str = ""
     """Terms of the weights where they are not the program's own."""
+    movements: Mapping[str, tuple[Movement, ...]] = field(default_factory=dict)
+    """Per playable object: how each of its actions moves it; empty where nobody knows."""
+    envelope: Envelope | None = None
+    """What the model was trained on; None where nobody knows."""
+    detects: bool = False
+    """Whether the runtime can find playable objects in a picture."""
+    device: str = ""
+    """Where the runtime computes, in words."""
+    digest: str = ""
+    """SHA-256 of the weights, in hex."""
 
     @property
     def playable_names(self) -> tuple[str, ...]:
@@ -67,6 +80,11 @@ class ModelFacts:
             "volumes": {n: [list(each.low), list(each.high)] for n, each in self.volumes.items()},
             "usual_camera": None if camera is None else camera.as_dict(),
             "licence": self.licence,
+            "movements": {n: [list(each) for each in own] for n, own in self.movements.items()},
+            "envelope": None if self.envelope is None else self.envelope.as_dict(),
+            "detects": self.detects,
+            "device": self.device,
+            "digest": self.digest,
         }
 
     @staticmethod
@@ -78,6 +96,7 @@ class ModelFacts:
         """
         try:
             names, camera = fields["playable_names"], fields["usual_camera"]
+            envelope = fields["envelope"]
             return ModelFacts(
                 name=str(fields["name"]),
                 action_names={name: tuple(fields["action_names"][name]) for name in names},
@@ -89,6 +108,11 @@ class ModelFacts:
                 volumes={name: _volume_from(each) for name, each in fields["volumes"].items()},
                 usual_camera=None if camera is None else Camera.from_dict(camera, "usual_camera"),
                 licence=str(fields["licence"]),
+                movements={n: _movements_from(own) for n, own in fields["movements"].items()},
+                envelope=None if envelope is None else Envelope.from_dict(envelope),
+                detects=bool(fields["detects"]),
+                device=str(fields["device"]),
+                digest=str(fields["digest"]),
             )
         except (KeyError, TypeError, ValueError, AttributeError, CameraError) as error:
             raise WorkerError(
@@ -100,3 +124,7 @@ class ModelFacts:
 def _volume_from(corners: Any) -> Volume:  # noqa: ANN401 a JSON value
     low, high = corners
     return Volume(tuple(map(float, low)), tuple(map(float, high)))
+
+
+def _movements_from(listed: Any) -> tuple[Movement, ...]:  # noqa: ANN401 a JSON value
+    return tuple((float(right), float(ahead)) for right, ahead in listed)

@@ -12,17 +12,23 @@ from typing import Any
 
 from .camera import Camera
 from .errors import CameraError, ShotError
-from .shot_track import ObjectTrack, Start, StyleMix
+from .shot_track import ObjectTrack, PoseKey, Start, StyleMix
 from .shot_values import read_integer, read_keys, read_list, read_number, read_text, refuse
 
-__all__ = ["QUALITIES", "SHOT_VERSION", "ObjectTrack", "Shot", "Start", "StyleMix"]
+__all__ = ["QUALITIES", "SHOT_VERSION", "ObjectTrack", "PoseKey", "Shot", "Start", "StyleMix"]
 
 SHOT_VERSION = 1
 QUALITIES = ("exact", "balanced", "draft")
 DEPTH_PASS = "depth"
 MASK_PASS_PREFIX = "mask:"
+LAYER_PASS_PREFIX = "layer:"
+BACKGROUND_PASS = "background"
+KNOWN_PASSES = (DEPTH_PASS, BACKGROUND_PASS, MASK_PASS_PREFIX, LAYER_PASS_PREFIX)
 REQUIRED_KEYS = ("version", "model", "start", "fps", "frame_start", "frame_end", "cameras")
-OPTIONAL_KEYS = ("objects", "quality", "passes")
+OPTIONAL_KEYS = ("objects", "quality", "passes", "region")
+
+Region = tuple[int, int, int, int]
+"""Left, top, width, height in pixels."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +48,9 @@ class Shot:
     objects: tuple[ObjectTrack, ...] = ()
     quality: str = "exact"
     passes: tuple[str, ...] = ()
-    """Beside the picture: ``depth``, ``mask:<object>``."""
+    """Beside the picture: ``depth``, ``mask:<object>``, ``layer:<object>``, ``background``."""
+    region: Region | None = None
+    """The only part of the cameras' grid that is drawn; None for all of it."""
 
     def __post_init__(self) -> None:
         if self.version != SHOT_VERSION:
@@ -55,6 +63,7 @@ class Shot:
             refuse("frame_end", f"{self.frame_start} (frame_start) or later", self.frame_end)
         self._check_lengths()
         self._check_choices()
+        self._check_region()
 
     def _check_lengths(self) -> None:
         lengths = {"cameras": self.cameras}
@@ -76,11 +85,26 @@ class Shot:
         if self.quality not in QUALITIES:
             refuse("quality", f"one of {', '.join(QUALITIES)}", self.quality, QUALITIES)
         for name in self.passes:
-            masked = name.startswith(MASK_PASS_PREFIX) and name != MASK_PASS_PREFIX
-            if name != DEPTH_PASS and not masked:
-                refuse("passes", f"{DEPTH_PASS!r} or 'mask:<object>'", name, (DEPTH_PASS, "mask:"))
+            of_object = any(
+                name.startswith(prefix) and name != prefix
+                for prefix in (MASK_PASS_PREFIX, LAYER_PASS_PREFIX)
+            )
+            if name not in (DEPTH_PASS, BACKGROUND_PASS) and not of_object:
+                expected = f"{DEPTH_PASS!r}, {BACKGROUND_PASS!r}, 'mask:<object>', 'layer:<object>'"
+                refuse("passes", f"one of {expected}", name, KNOWN_PASSES)
         if len(set(self.passes)) < len(self.passes):
             refuse("passes", "each pass once", self.passes)
+
+    def _check_region(self) -> None:
+        if self.region is None:
+            return
+        whole, (left, top, width, height) = self.cameras[0], self.region
+        if width < 1 or height < 1:
+            refuse("region", "a width and a height of at least one pixel", self.region)
+        inside = left >= 0 and top >= 0
+        if not (inside and left + width <= whole.width and top + height <= whole.height):
+            found = f"left {left}, top {top}, width {width}, height {height}"
+            refuse("region", f"a part of the {whole.width}x{whole.height} pixels", found)
 
     @property
     def frames(self) -> range:
@@ -95,8 +119,28 @@ class Shot:
     @property
     def mask_names(self) -> tuple[str, ...]:
         """Objects whose mask is asked for."""
-        names = (name for name in self.passes if name.startswith(MASK_PASS_PREFIX))
-        return tuple(name.removeprefix(MASK_PASS_PREFIX) for name in names)
+        return self._named_after(MASK_PASS_PREFIX)
+
+    @property
+    def layer_names(self) -> tuple[str, ...]:
+        """Objects whose layer is asked for."""
+        return self._named_after(LAYER_PASS_PREFIX)
+
+    @property
+    def wants_background(self) -> bool:
+        """Whether the picture without playable objects is asked for."""
+        return BACKGROUND_PASS in self.passes
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels of what is drawn: the region's, or the cameras'."""
+        if self.region is not None:
+            return self.region[2:]
+        return self.cameras[0].width, self.cameras[0].height
+
+    def _named_after(self, prefix: str) -> tuple[str, ...]:
+        names = (name for name in self.passes if name.startswith(prefix))
+        return tuple(name.removeprefix(prefix) for name in names)
 
     def track(self, name: str) -> ObjectTrack | None:
         """The track of an object, if the shot has one."""
@@ -119,7 +163,9 @@ class Shot:
 
     def as_dict(self) -> dict[str, Any]:
         """The shot as plain JSON values."""
-        return {
+        # Left out where there is none: documents and digests stay those of earlier versions.
+        region = {} if self.region is None else {"region": list(self.region)}
+        return region | {
             "version": self.version,
             "model": self.model,
             "start": self.start.as_dict(),
@@ -185,4 +231,13 @@ def _read_shot(content: object) -> Shot:
         ),
         quality=read_text(keys.get("quality", "exact"), "quality"),
         passes=tuple(read_text(item, f"passes[{i}]") for i, item in enumerate(passes)),
+        region=_read_region(keys.get("region")),
     )
+
+
+def _read_region(content: object) -> Region | None:
+    if content is None:
+        return None
+    if len(read_list(content, "region")) != 4:
+        refuse("region", "left, top, width and height in pixels", content)
+    return tuple(read_integer(value, "region") for value in content)

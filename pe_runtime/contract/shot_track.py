@@ -20,7 +20,7 @@ from .shot_values import (
 Point = tuple[float, float, float]
 Box = tuple[float, float, float, float]
 WEIGHT_TOLERANCE = 1e-6
-OPTIONAL_KEYS = ("actions", "locations", "visible", "styles", "headings")
+OPTIONAL_KEYS = ("actions", "locations", "visible", "styles", "headings", "poses")
 
 
 @dataclass(frozen=True)
@@ -110,6 +110,15 @@ class StyleMix:
 
 
 @dataclass(frozen=True)
+class PoseKey:
+    """From ``frame`` on, the object's pose is the one predicted for another frame."""
+
+    frame: int
+    held: int | None
+    """Scene frame whose predicted pose is held; None lets the pose move freely again."""
+
+
+@dataclass(frozen=True)
 class ObjectTrack:
     """What one object does during the shot."""
 
@@ -123,14 +132,15 @@ class ObjectTrack:
     styles: tuple[StyleMix, ...] = ()
     headings: tuple[float, ...] | None = None
     """One turn about world z per frame, radians, in place of the predicted ones."""
+    poses: tuple[PoseKey, ...] = ()
+    """Keys that hold and free the pose; before the first one it is free."""
 
     def __post_init__(self) -> None:
         where = f"objects[{self.name!r}]"
         if not self.name:
             refuse("objects.name", "a name", self.name)
-        frames = [frame for frame, _ in self.actions]
-        if any(later <= earlier for earlier, later in zip(frames, frames[1:], strict=False)):
-            refuse(f"{where}.actions", "keys in strictly increasing frames", frames)
+        _check_rising(f"{where}.actions", [frame for frame, _ in self.actions])
+        _check_rising(f"{where}.poses", [key.frame for key in self.poses])
         if any(action < 0 for _, action in self.actions):
             refuse(f"{where}.actions", "action indices of 0 or more", self.actions)
         for index, point in enumerate(self.locations or ()):
@@ -156,11 +166,17 @@ class ObjectTrack:
         latest = max((mix.frame for mix in self.styles if mix.frame <= frame), default=None)
         return tuple(mix for mix in self.styles if mix.frame == latest)
 
+    def pose_at(self, frame: int) -> int | None:
+        """Scene frame whose predicted pose is held at a frame; None where the pose is free."""
+        held = [key.held for key in self.poses if key.frame <= frame]
+        return held[-1] if held else None
+
     def as_dict(self) -> dict[str, Any]:
         """The track as plain JSON values."""
         points, switches = self.locations, self.visible
         # Left out where there are none: documents and digests stay those of earlier versions.
         turns = {} if self.headings is None else {"headings": [float(x) for x in self.headings]}
+        poses = {"poses": [[key.frame, key.held] for key in self.poses]} if self.poses else {}
         return {
             "name": self.name,
             "actions": [[frame, action] for frame, action in self.actions],
@@ -168,6 +184,7 @@ class ObjectTrack:
             "visible": None if switches is None else [bool(switch) for switch in switches],
             "styles": [mix.as_dict() for mix in self.styles],
             **turns,
+            **poses,
         }
 
     @staticmethod
@@ -189,7 +206,13 @@ class ObjectTrack:
                 StyleMix.from_dict(mix, f"{where}.styles[{i}]") for i, mix in enumerate(styles)
             ),
             headings=_read_headings(keys.get("headings"), f"{where}.headings"),
+            poses=_read_poses(keys.get("poses", []), f"{where}.poses"),
         )
+
+
+def _check_rising(where: str, frames: list[int]) -> None:
+    if any(later <= earlier for earlier, later in zip(frames, frames[1:], strict=False)):
+        refuse(where, "keys in strictly increasing frames", frames)
 
 
 def _read_actions(content: object, where: str) -> tuple[tuple[int, int], ...]:
@@ -207,6 +230,19 @@ def _read_headings(content: object, where: str) -> tuple[float, ...] | None:
     return tuple(
         read_number(each, f"{where}[{i}]") for i, each in enumerate(read_list(content, where))
     )
+
+
+def _read_poses(content: object, where: str) -> tuple[PoseKey, ...]:
+    keys = []
+    for index, key in enumerate(read_list(content, where)):
+        if len(read_list(key, f"{where}[{index}]")) != 2:
+            refuse(f"{where}[{index}]", "a frame and the frame whose pose is held, or null", key)
+        frame, held = key
+        at = f"{where}[{index}]"
+        keys.append(
+            PoseKey(read_integer(frame, at), None if held is None else read_integer(held, at))
+        )
+    return tuple(keys)
 
 
 def _read_switches(content: object, where: str) -> tuple[bool, ...] | None:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pe_runtime.contract.camera import Camera, project
-from pe_runtime.contract.shot import Shot
+from pe_runtime.contract.shot import LAYER_PASS_PREFIX, MASK_PASS_PREFIX, Shot
 
 PLAYER_SIZE = (0.5, 1.8)
 """Width and height of a block, metres."""
@@ -16,10 +16,25 @@ PLAYER_SIZE = (0.5, 1.8)
 
 @dataclass(frozen=True)
 class Block:
-    """One player: its foot (3,), metres, and its heading, radians."""
+    """One player.
+
+    Attributes:
+        place: Its foot (3,), metres.
+        heading: Radians.
+        green: The channel that tells its style.
+        held: The frame whose pose it holds; None where its pose is free.
+    """
 
     place: np.ndarray
-    heading: float = 0.0
+    heading: float
+    green: float
+    held: int | None = None
+
+    @property
+    def colour(self) -> tuple[int, int, int]:
+        """Red tells the pose, green the style, blue the heading."""
+        red = 230 if self.held is None else 120 + self.held % 100
+        return red, round(self.green), self.blue
 
     @property
     def blue(self) -> int:
@@ -33,10 +48,10 @@ def draw(
     """The buffers of one frame, as the worker sends them.
 
     Args:
-        shot: Decides the gradient and the passes.
+        shot: Decides the gradient, the passes and the region.
         frame: Scene frame.
         blocks: The players that are seen.
-        players: All players; the order decides their colours.
+        players: All players, seen or not.
     """
     camera = shot.camera_at(frame)
     rows, columns = np.mgrid[: camera.height, : camera.width]
@@ -45,19 +60,32 @@ def draw(
     rgb = np.stack(
         [columns + drift[0] + frame, rows + drift[1] + seed, columns + rows + 2 * frame], axis=-1
     )
-    buffers = {"rgb": (np.floor(rgb) % 256).astype(np.uint8)}
+    background = (np.floor(rgb) % 256).astype(np.uint8)
+    buffers = {"rgb": background.copy()}
     depth = np.full((camera.height, camera.width), np.inf, np.float32)
     masks = {name: np.zeros_like(depth) for name in (*players, *shot.mask_names)}
+    layers = {
+        name: np.dstack([background, np.zeros_like(background[..., :1])])
+        for name in shot.layer_names
+    }
     far_first = sorted(blocks, key=lambda name: -project(camera, blocks[name].place[None])[1][0])
     for name in far_first:
         inside, distance = _covered(camera, blocks[name].place, rows, columns)
-        buffers["rgb"][inside] = (230, 40 + 150 * players.index(name), blocks[name].blue)
+        buffers["rgb"][inside] = blocks[name].colour
+        if name in layers:
+            layers[name][inside] = *blocks[name].colour, 255
         depth[inside] = distance
         for other in masks:
             masks[other][inside] = other == name
     if shot.wants_depth:
         buffers["depth"] = depth
-    return buffers | {f"mask:{name}": masks[name] for name in shot.mask_names}
+    if shot.wants_background:
+        buffers["background"] = background
+    buffers |= {f"{MASK_PASS_PREFIX}{name}": masks[name] for name in shot.mask_names}
+    buffers |= {f"{LAYER_PASS_PREFIX}{name}": layer for name, layer in layers.items()}
+    left, top, width, height = shot.region or (0, 0, camera.width, camera.height)
+    rows, columns = slice(top, top + height), slice(left, left + width)
+    return {name: buffer[rows, columns] for name, buffer in buffers.items()}
 
 
 def _covered(

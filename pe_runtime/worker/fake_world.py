@@ -3,62 +3,42 @@
 It answers in the forms of a trained environment, so Blender's side and the wire are tested with it.
 """
 
+import hashlib
 import json
 import math
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pe_runtime.contract.camera import Camera
-from pe_runtime.contract.errors import CameraError, CheckpointError, ShotError
+from pe_runtime.contract.errors import CameraError, CheckpointError, ConfigError, ShotError
 from pe_runtime.contract.messages import HEADING_PREFIX
-from pe_runtime.contract.model_facts import ModelFacts, Volume
+from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
-from pe_runtime.contract.shot_track import Box
-from pe_runtime.worker.fake_pictures import PLAYER_SIZE, Block, draw
-from pe_runtime.worker.serving import Picture, box_mesh
+from pe_runtime.contract.shot_track import Box, ObjectTrack
+from pe_runtime.worker.fake_models import (
+    ACTIONS,
+    FIRST_HEADING,
+    GROUND,
+    MODELS,
+    PLAYER,
+    PLAYERS,
+    STEPS_PER_SECOND,
+    TURNS,
+    fake_facts,
+    movement,
+    nearest_action,
+)
+from pe_runtime.worker.fake_pictures import Block, draw
+from pe_runtime.worker.world import Picture, box_mesh
 
-PLAYERS = ("player_1", "player_2")
-ACTIONS = ("idle", "left", "right", "forward", "back", "raise_arm")
-STEPS_PER_SECOND = 5.0
-STEP_LENGTH = 0.3
-"""Metres that a movement covers in one step."""
-MOVES = {"left": (-1.0, 0.0), "right": (1.0, 0.0), "forward": (0.0, 1.0), "back": (0.0, -1.0)}
-"""Per action: share along the camera's right and along its view, both on the ground."""
-TURNS = {"left": 0.4, "right": -0.4}
-"""Per action: radians by which a player of a turning model turns in one step."""
-FIRST_HEADING = 0.5
-"""Radians that the encoder of a turning model sees in every picture."""
-HALF = PLAYER_SIZE[0] / 2
-PLAYER = Volume((-HALF, -HALF, 0.0), (HALF, HALF, PLAYER_SIZE[1]))
-GROUND = Volume((-14.0, -12.0, -0.02), (14.0, 9.0, 0.0))
-
-
-@dataclass(frozen=True)
-class FakeModel:
-    """What tells the fake models apart.
-
-    Attributes:
-        actions: Names of the actions of either player.
-        turns: Whether players have a heading.
-        licence: Terms of its weights, had it any.
-    """
-
-    actions: tuple[str, ...] = ACTIONS
-    turns: bool = False
-    licence: str = ""
-
-
-MODELS = {
-    "duel": FakeModel(),
-    "fake": FakeModel(),
-    "turning": FakeModel((*ACTIONS[1:], ACTIONS[0]), turns=True, licence="Only to be tested"),
-    "still": FakeModel(()),
-}
+__all__ = ["ACTIONS", "FIRST_HEADING", "GROUND", "MODELS", "PLAYER", "TURNS", "FakeWorld"]
+DETECTED = ((0.22, 0.35, 0.32, 0.85), (0.66, 0.35, 0.76, 0.85))
+"""Left, top, right, bottom of the players in every picture, as shares of its size."""
+SCORES = (0.9, 0.8)
 
 
 class FakeWorld:
@@ -82,19 +62,7 @@ class FakeWorld:
         if model not in MODELS:
             raise CheckpointError(f"no model {model!r}; the fake worker knows {', '.join(MODELS)}")
         self._model = model
-        actions, turns = MODELS[model].actions, MODELS[model].turns
-        return ModelFacts(
-            name=model,
-            action_names=dict.fromkeys(PLAYERS, actions),
-            steps_per_second=STEPS_PER_SECOND,
-            width=256,
-            height=144,
-            resting_actions=dict.fromkeys(PLAYERS, actions.index("idle")) if actions else {},
-            turning_names=PLAYERS if turns else (),
-            volumes={"ground": GROUND} | dict.fromkeys(PLAYERS, PLAYER),
-            usual_camera=_usual_camera(),
-            licence=MODELS[model].licence,
-        )
+        return fake_facts(model)
 
     def encode(self, image: np.ndarray, camera: Camera, boxes: Mapping[str, Box]) -> dict[str, Any]:
         """Players stand where the lower edges of their boxes meet the ground."""
@@ -121,37 +89,70 @@ class FakeWorld:
 
     def render(self, shot: Shot, frames: list[int], whole: Shot | None = None) -> Iterator[Picture]:
         """Pictures that depend on nothing but the shot, the frame and the whole."""
-        predicted = whole or shot
-        known = self._latest is not None and self._latest[0] is predicted
-        paths = self._latest[1] if known else self.rollout(predicted)
         for frame in frames:
             began = time.perf_counter()
             time.sleep(self._seconds_per_frame)
-            index, at = frame - shot.frame_start, frame - predicted.frame_start
-            blocks = {name: _block(paths, name, at) for name in PLAYERS}
-            for track in shot.objects:
-                block = blocks[track.name]
-                place = block.place if track.locations is None else track.locations[index]
-                heading = block.heading if track.headings is None else track.headings[index]
-                blocks[track.name] = Block(np.array(place), heading)
-                if track.visible is not None and not track.visible[index]:
-                    del blocks[track.name]
-            buffers = draw(shot, frame, blocks, PLAYERS)
+            buffers = draw(shot, frame, self._blocks(shot, frame, whole or shot), PLAYERS)
             yield Picture(frame, buffers, time.perf_counter() - began)
+
+    def digests(self, shot: Shot, whole: Shot | None = None) -> dict[int, str]:
+        """Over the model, the camera, what is asked for and where every player stands."""
+        asked = [shot.model, shot.quality, list(shot.passes), shot.region]
+        found = {}
+        for frame in shot.frames:
+            blocks = self._blocks(shot, frame, whole or shot)
+            placed = {
+                name: [*map(float, each.place), each.heading, each.held, each.green]
+                for name, each in blocks.items()
+            }
+            content = [asked, frame, shot.camera_at(frame).as_dict(), placed]
+            found[frame] = hashlib.sha256(json.dumps(content).encode()).hexdigest()
+        return found
+
+    def infer_actions(
+        self, states: list[dict[str, Any]], cameras: list[Camera]
+    ) -> dict[str, list[int]]:
+        """The actions that move players as they moved between the states."""
+        actions = MODELS[self._model].actions
+        if not actions:
+            raise CheckpointError(f"the model {self._model!r} has no actions to be found")
+        found = {}
+        for name in PLAYERS:
+            places = np.array([each["objects"][name]["position"] for each in states], np.float64)
+            moves = zip(cameras[:-1], np.diff(places, axis=0), strict=True)
+            found[name] = [nearest_action(camera, moved, actions) for camera, moved in moves]
+        return found
+
+    def detect(self, image: np.ndarray, names: list[str]) -> dict[str, tuple[Box, float]]:
+        """The players stand where they stand in every picture."""
+        unknown = [name for name in names if name not in PLAYERS]
+        if unknown:
+            raise ConfigError(f"no object {unknown[0]!r}; expected some of {', '.join(PLAYERS)}")
+        height, width = image.shape[:2]
+        size = np.array([width, height, width, height])
+        places = {name: (DETECTED[i], SCORES[i]) for i, name in enumerate(PLAYERS)}
+        return {n: (tuple((size * places[n][0]).tolist()), places[n][1]) for n in names}
+
+    def _blocks(self, shot: Shot, frame: int, predicted: Shot) -> dict[str, Block]:
+        """The players that are seen in a frame, by the prediction and the shot's overrides."""
+        known = self._latest is not None and self._latest[0] is predicted
+        paths = self._latest[1] if known else self.rollout(predicted)
+        index, at = frame - shot.frame_start, frame - predicted.frame_start
+        blocks = {name: _block(paths, name, at) for name in PLAYERS}
+        for track in shot.objects:
+            block = blocks[track.name]
+            place = block.place if track.locations is None else track.locations[index]
+            heading = block.heading if track.headings is None else track.headings[index]
+            held = _held(track, frame, predicted)
+            blocks[track.name] = Block(np.array(place), heading, _green(track, frame), held)
+            if track.visible is not None and not track.visible[index]:
+                del blocks[track.name]
+        return blocks
 
     def proxy_mesh(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """A box of a player's size, standing on its origin."""
         _check_track(self._model, name, [])
         return box_mesh(PLAYER.low, PLAYER.high)
-
-
-def _usual_camera() -> Camera:
-    """At 8 m before the origin, 2.5 m up, looking along +y and a little down."""
-    pose = np.eye(4)
-    pose[:3, :3] = np.array([[1.0, 0.0, 0.0], [0.0, -0.28, 0.96], [0.0, -0.96, -0.28]])
-    pose[:3, 3] = 0.0, -8.0, 2.5
-    intrinsics = np.array([[256.0, 0.0, 128.0], [0.0, 256.0, 72.0], [0.0, 0.0, 1.0]])
-    return Camera(256, 144, intrinsics, pose)
 
 
 def _encode(model: str, name: str, camera: Camera, boxes: Mapping[str, Box]) -> dict[str, Any]:
@@ -193,7 +194,38 @@ def _start_objects(shot: Shot) -> dict[str, np.ndarray]:
 
 def _block(paths: Mapping[str, np.ndarray], name: str, index: int) -> Block:
     headings = paths.get(f"{HEADING_PREFIX}{name}")
-    return Block(paths[name][index], 0.0 if headings is None else float(headings[index]))
+    heading = 0.0 if headings is None else float(headings[index])
+    return Block(paths[name][index], heading, _own_green(name))
+
+
+def _own_green(name: str) -> float:
+    return 40.0 + 150.0 * PLAYERS.index(name)
+
+
+def _green(track: ObjectTrack, frame: int) -> float:
+    """A player's style is its green; others lend theirs."""
+    mixes = track.styles_at(frame)
+    for mix in mixes:
+        _check_lender(mix.image, mix.object)
+    own = _own_green(track.name) * (1.0 - sum(mix.weight for mix in mixes))
+    return own + sum(mix.weight * _own_green(mix.object) for mix in mixes)
+
+
+def _held(track: ObjectTrack, frame: int, predicted: Shot) -> int | None:
+    held = track.pose_at(frame)
+    if held is not None and held not in predicted.frames:
+        raise ShotError(
+            f"{track.name!r} holds the pose of frame {held}; the shot has frames "
+            f"{predicted.frame_start} to {predicted.frame_end}"
+        )
+    return held
+
+
+def _check_lender(image: str | None, name: str) -> None:
+    if name not in PLAYERS:
+        raise ShotError(f"no object {name!r} lends a style; expected {' or '.join(PLAYERS)}")
+    if image is not None and not Path(image).is_file():
+        raise ShotError(f"{image} is no environment state (it does not exist)")
 
 
 def _check_track(model: str, name: str, actions: list[int]) -> None:
@@ -215,14 +247,7 @@ def _walk(shot: Shot, name: str, start: np.ndarray) -> np.ndarray:
         keyed = shot.action_at(name, frame)
         action = "idle" if keyed is None else model.actions[keyed]
         turn = TURNS.get(action, 0.0) if model.turns else 0.0
-        steps.append(steps[-1] + np.append(_movement(shot.camera_at(frame), action), turn))
+        steps.append(steps[-1] + np.append(movement(shot.camera_at(frame), action), turn))
     times = np.arange(len(shot.frames)) / frames_per_step
     columns = [np.interp(times, np.arange(len(steps)), axis) for axis in np.array(steps).T]
     return np.stack(columns, axis=1).astype(np.float64)
-
-
-def _movement(camera: Camera, action: str) -> np.ndarray:
-    share = np.array(MOVES.get(action, (0.0, 0.0)))
-    axes = camera.world_from_camera[:2, [0, 2]]
-    ground = axes / np.maximum(np.linalg.norm(axes, axis=0), 1e-9)
-    return np.append(ground @ share * STEP_LENGTH, 0.0)

@@ -28,7 +28,7 @@ from pe_runtime.shots import (
 )
 from pe_runtime.state import state_as_dict
 from pe_runtime.worker.loaded_facts import facts_of, turning_names
-from pe_runtime.worker.serving import Picture, box_mesh
+from pe_runtime.worker.world import Picture, box_mesh
 
 REMEMBERED_ROLLOUTS = 8
 

@@ -6,7 +6,8 @@ import sys
 from collections.abc import Callable
 
 from pe_runtime.contract.errors import WorkerError
-from pe_runtime.worker.serving import Inbox, World, serve
+from pe_runtime.worker.serving import Inbox, serve
+from pe_runtime.worker.world import World
 
 
 class SilentStdout(io.TextIOBase):

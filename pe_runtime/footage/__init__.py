@@ -1,0 +1,1 @@
+"""What a picture that someone filmed says of the camera that filmed it."""
