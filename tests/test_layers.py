@@ -27,7 +27,7 @@ LAYERS = (
     ("admission", "environment"),
     ("shots", "mesh"),
     ("training", "evaluation", "interop", "footage", "recording", "curation", "cluster", "vgg"),
-    ("benchmark", "worker", "demo", "play"),
+    ("benchmark", "worker", "demo", "play", "packing"),
     ("cli",),
 )
 HEAVY = {"torch", "bpy", "cv2", "scipy", "trimesh", "OpenImageIO", "rich", "typer", "matplotlib"}
