@@ -1,7 +1,6 @@
 """What the worker is asked beside paths and frames: cameras, boxes, actions, digests. No `bpy`."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -10,38 +9,16 @@ from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.messages import Message
 from pe_runtime.contract.shot import Shot
 
+from .replies import (
+    DetectedBoxes,
+    MatchedCamera,
+    actions_from,
+    detected_from,
+    digests_from,
+    matched_from,
+)
 from .session import Session
 from .worker_client import OnProgress, ShouldStop
-
-Box = tuple[float, float, float, float]
-
-
-@dataclass(frozen=True)
-class MatchedCamera:
-    """A camera that sees ground points where the artist put them.
-
-    Attributes:
-        camera: In environment space.
-        residual: Root mean square of the distances to the points, pixels.
-        worst: The largest of them, pixels.
-    """
-
-    camera: Camera
-    residual: float
-    worst: float
-
-
-@dataclass(frozen=True)
-class Detected:
-    """What a detector found in a picture.
-
-    Attributes:
-        boxes: By playable object left, top, right, bottom in pixels.
-        scores: By playable object how sure it is, 0 to 1.
-    """
-
-    boxes: Mapping[str, Box]
-    scores: Mapping[str, float]
 
 
 def match_camera(
@@ -64,9 +41,7 @@ def match_camera(
     """
     listed = [[float(number) for number in point] for point in points]
     fields = {"width": size[0], "height": size[1], "points": listed, "focal": focal}
-    found = session.ask(model, Message("match_camera", fields), should_stop).fields
-    camera = Camera.from_dict(found["camera"], "matched camera")
-    return MatchedCamera(camera, float(found["residual"]), float(found["worst"]))
+    return matched_from(session.ask(model, Message("match_camera", fields), should_stop))
 
 
 def detect(
@@ -75,16 +50,14 @@ def detect(
     image: np.ndarray,
     names: Sequence[str],
     should_stop: ShouldStop | None = None,
-) -> Detected:
+) -> DetectedBoxes:
     """Find playable objects in a picture, (height, width, 3) uint8 sRGB.
 
     Raises:
         WorkerError: The runtime has no detector.
     """
     request = Message("detect", {"names": list(names)}, {"image": image})
-    found = session.ask(model, request, should_stop).fields
-    boxes = {name: tuple(map(float, box)) for name, box in found["boxes"].items()}
-    return Detected(boxes, {name: float(each) for name, each in found["scores"].items()})
+    return detected_from(session.ask(model, request, should_stop))
 
 
 def infer_actions(
@@ -94,7 +67,7 @@ def infer_actions(
     cameras: Sequence[Camera],
     should_stop: ShouldStop | None = None,
     on_progress: OnProgress | None = None,
-) -> dict[str, tuple[int, ...]]:
+) -> dict[str, list[int]]:
     """The actions that lead from each state to the next one, by playable object.
 
     Args:
@@ -107,8 +80,7 @@ def infer_actions(
     """
     fields = {"states": list(states), "cameras": [each.as_dict() for each in cameras]}
     request = Message("infer_actions", fields)
-    found = session.ask(model, request, should_stop, on_progress).fields["actions"]
-    return {name: tuple(map(int, actions)) for name, actions in found.items()}
+    return actions_from(session.ask(model, request, should_stop, on_progress))
 
 
 def digests(
@@ -131,5 +103,4 @@ def digests(
         if whole is not None:
             client.prepare(whole, stop)
         request = Message("digests", {"shot": shot.as_dict(), "take": whole is not None})
-        found = client.ask(request, stop).fields["digests"]
-    return {int(frame): digest for frame, digest in found.items()}
+        return digests_from(client.ask(request, stop))
