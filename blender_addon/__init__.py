@@ -6,9 +6,9 @@ Importing this package is cheap and needs no Blender; `register()` loads the par
 
 def _parts() -> tuple:
     """The modules that register something, in an order in which each finds its predecessors."""
-    from . import engine, framing, installing, playing, session, settings, strips
+    from . import engine, framing, installing, overlay, playing, session, settings, strips
 
-    return settings, session, installing, engine, framing, playing, strips
+    return settings, session, installing, engine, framing, playing, overlay, strips
 
 
 def register() -> None:

@@ -25,6 +25,8 @@ from bpy.props import (
 
 from pe_runtime.contract.model_facts import ModelFacts
 
+from .overlay.settings import OverlaySettings
+
 SCHEMA = 1
 UNNAMED_ACTIONS = 16
 """Actions that are offered where no model has named any."""
@@ -155,6 +157,7 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         default="//frames",
     )
+    overlay: PointerProperty(type=OverlaySettings)
 
     def note_facts(self, facts: ModelFacts) -> None:
         """Keep what the panel tells of the model, so that it needs no worker for it."""
@@ -187,7 +190,7 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
         return {each.name: tuple(each.box) for each in self.boxes if any(each.box)}
 
 
-CLASSES = (PlayableSettings, BoxSettings, EnvironmentSettings)
+CLASSES = (PlayableSettings, BoxSettings, OverlaySettings, EnvironmentSettings)
 
 
 def register() -> None:

@@ -40,6 +40,20 @@ def show_volumes(
             box.location = state["objects"][name]["position"]
 
 
+def volumes_in(scene: bpy.types.Scene) -> dict[str, Volume]:
+    """The volumes of a scene's boxes by their objects' names in the model."""
+    found = {}
+    for each in scene.objects:
+        if each.type == "MESH" and VOLUME_KEY in each:
+            corners = np.empty(3 * len(each.data.vertices), np.float32)
+            each.data.vertices.foreach_get("co", corners)
+            corners = corners.reshape(-1, 3).astype(float)
+            if len(corners):
+                low, high = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+                found[each[VOLUME_KEY]] = Volume(tuple(low), tuple(high))
+    return found
+
+
 def height_of(volume: Volume | None, otherwise: float) -> float:
     """Metres from the lowest to the highest point of a volume."""
     return otherwise if volume is None else volume.high[2] - volume.low[2]

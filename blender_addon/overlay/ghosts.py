@@ -1,0 +1,93 @@
+"""The volumes of playable objects a few steps before and after now. Without Blender."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .foreseen_paths import Foresight, Path, colour_of, heading_at, position_at
+from .scene_lines import Colour, SceneLines, faded, joined, strokes
+from .volume_lines import heading_arrow, volume_edges
+
+NEAREST, FARTHEST = 0.75, 0.2
+"""Opacity of the ghost next to now and of the last one."""
+PAST = 0.6
+"""How much dimmer those before now are."""
+USUAL_LENGTH = 0.6
+"""Metres of the arrow of an object whose volume is unknown."""
+
+
+@dataclass(frozen=True)
+class Skins:
+    """Which ghosts are shown.
+
+    Attributes:
+        before: How many behind the object.
+        after: How many ahead of it.
+        every: Steps of the model from one to the next.
+    """
+
+    before: int = 2
+    after: int = 4
+    every: int = 1
+
+
+def ghost_frames(seen: Foresight, skins: Skins) -> list[tuple[float, float]]:
+    """Scene frames of the ghosts, whole or not, each with its opacity; none at the frame of now.
+
+    They stand at steps of the model: they move on when a step is over, not with every frame.
+    """
+    if not seen.length:
+        return []
+    stride = skins.every * seen.frames_per_step
+    last = seen.frame_start + seen.length - 1
+    step = (seen.now - seen.frame_start) / stride
+    behind = [np.ceil(step - 1e-6) - k for k in range(1, skins.before + 1)]
+    ahead = [np.floor(step + 1e-6) + k for k in range(1, skins.after + 1)]
+    found = []
+    for numbers, dim in ((behind, PAST), (ahead, 1.0)):
+        opacities = np.linspace(NEAREST, FARTHEST, max(len(numbers), 2)) * dim
+        frames = [float(seen.frame_start + number * stride) for number in numbers]
+        pairs = zip(frames, opacities, strict=False)
+        found += [(f, float(o)) for f, o in pairs if seen.frame_start <= f <= last + 1e-6]
+    return sorted(found)
+
+
+def ghost_lines(seen: Foresight, skins: Skins) -> SceneLines:
+    """Wire boxes where the objects were and will be."""
+    frames = ghost_frames(seen, skins)
+    return joined(
+        _ghosts(seen, each, colour_of(i), frames)
+        for i, each in enumerate(seen.paths)
+        if each.volume is not None and len(each.positions)
+    )
+
+
+def heading_arrows(seen: Foresight) -> SceneLines:
+    """An arrow from every object that turns, towards where it looks now."""
+    return joined(
+        strokes(_arrow(seen, each), colour_of(i), 2.5)
+        for i, each in enumerate(seen.paths)
+        if each.headings is not None and len(each.positions)
+    )
+
+
+def _ghosts(
+    seen: Foresight, path: Path, colour: Colour, frames: list[tuple[float, float]]
+) -> SceneLines:
+    return joined(
+        strokes(
+            volume_edges(
+                path.volume, position_at(seen, path, frame), heading_at(seen, path, frame)
+            ),
+            faded(colour, opacity),
+        )
+        for frame, opacity in frames
+    )
+
+
+def _arrow(seen: Foresight, path: Path) -> np.ndarray:
+    length = USUAL_LENGTH
+    if path.volume is not None:
+        length = 0.5 * (path.volume.high[2] - path.volume.low[2])
+    here = position_at(seen, path, float(seen.now))
+    return heading_arrow(here, heading_at(seen, path, seen.now), length)

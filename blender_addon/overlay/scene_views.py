@@ -1,0 +1,64 @@
+"""What a scene has to show, taken out of Blender's data for the modules that know none of it."""
+
+from collections.abc import Mapping, Sequence
+
+import bpy
+
+from pe_runtime.contract.shot import Shot
+
+from ..bake import Bake, bake_of
+from ..scene_bridge import action_names, playable_objects
+from ..volumes import volumes_in
+from .foreseen_paths import Foresight, Path
+from .picture_marks import PictureView
+
+
+def picture_view_of(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> PictureView | None:
+    """The picture that a scene is being made from; None where there is none, or it is made."""
+    return None
+
+
+def foresight_of(scene: bpy.types.Scene) -> Foresight | None:
+    """The paths of a scene's playable objects, as far as they are known; None where they are not.
+
+    The same one as long as nothing has changed, so that whoever draws it can tell.
+    """
+    settings = scene.playable_environment
+    if settings.root is None or settings.bake_text is None:
+        return None
+    return _foresight(scene, bake_of(settings))
+
+
+_remembered: dict[str, tuple[object, Foresight]] = {}
+
+
+def _foresight(scene: bpy.types.Scene, bake: Bake) -> Foresight:
+    source, found = _remembered.get(scene.name, (None, None))
+    if source is bake and found.now == scene.frame_current:
+        return found
+    objects, volumes = playable_objects(scene), volumes_in(scene)
+    shot = bake.shot
+    paths = tuple(
+        Path(
+            name,
+            path,
+            bake.headings.get(name),
+            _named_keys(shot, name, action_names(objects[name]) if name in objects else ()),
+            volumes.get(name),
+        )
+        for name, path in bake.paths.items()
+    )
+    per_step = shot.fps / scene.playable_environment.steps_per_second
+    made = Foresight(paths, shot.frame_start, scene.frame_current, per_step)
+    _remembered[scene.name] = bake, made
+    return made
+
+
+def _named_keys(shot: Shot, name: str, names: Sequence[str]) -> list[tuple[int, str]]:
+    track = shot.track(name)
+    keys: Mapping[int, int] = dict(track.actions) if track else {}
+    return [
+        (frame, names[action].replace("_", " ").capitalize())
+        for frame, action in sorted(keys.items())
+        if 0 <= action < len(names)
+    ]

@@ -1,0 +1,97 @@
+"""The overlay of a scene: what its switches show, and what it costs to look again."""
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy")
+pytestmark = pytest.mark.blender
+
+
+def lines_of(scene):
+    from blender_addon.overlay.viewport import overlay_lines
+
+    bpy.context.view_layer.update()
+    return overlay_lines(scene, scene.view_layers[0].depsgraph)
+
+
+@pytest.fixture
+def played(environment):
+    """Player 1 walks left from frame 1 on; the paths are known."""
+    from blender_addon.playables import key_action
+
+    key_action(bpy.data.objects["player_1"], 1, 1)
+    bpy.ops.playable.bake_paths()
+    return environment
+
+
+def only(scene, *names):
+    overlay = scene.playable_environment.overlay
+    for name in overlay.bl_rna.properties.keys():
+        if overlay.bl_rna.properties[name].type == "BOOLEAN":
+            setattr(overlay, name, name in names)
+
+
+def test_an_empty_scene_has_nothing_to_show(addon):
+    lines = lines_of(bpy.data.scenes[0])
+    assert lines.segments == 0 and not lines.labels and not lines.dots
+
+
+def test_paths_run_through_the_baked_positions(played):
+    from blender_addon.bake import bake_of
+
+    only(played, "paths")
+    lines = lines_of(played)
+    paths = bake_of(played.playable_environment).paths
+    assert len(lines.strokes) == len(paths) == 2
+    for stroke, path in zip(lines.strokes, paths.values(), strict=True):
+        assert np.allclose(stroke.ends[:, 0], path[:-1])
+
+
+def test_the_action_that_was_keyed_is_named_on_the_path(played):
+    only(played, "actions")
+    assert "Left" in [each.text for each in lines_of(played).labels]
+
+
+def test_ghosts_are_boxes_of_the_models_volumes(played):
+    from blender_addon.volumes import volumes_in
+
+    overlay = played.playable_environment.overlay
+    only(played, "ghosts")
+    overlay.ghosts_before, overlay.ghosts_after = 0, 1
+    lines = lines_of(played)
+    assert [len(each.ends) for each in lines.strokes] == [12, 12]
+    size = np.ptp(lines.strokes[0].ends.reshape(-1, 3), axis=0)
+    volume = volumes_in(played)["player_1"]
+    assert np.allclose(size, np.subtract(volume.high, volume.low), atol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["paths", "steps", "actions", "ghosts"])
+def test_every_switch_takes_its_lines_away(played, name):
+    only(played, name)
+    on = lines_of(played)
+    assert on.segments or on.dots or on.labels
+    only(played)
+    off = lines_of(played)
+    assert not (off.segments or off.dots or off.labels)
+
+
+def test_looking_again_at_an_unchanged_scene_computes_nothing_anew(played):
+    from blender_addon.overlay.scene_views import foresight_of
+
+    first = foresight_of(played)
+    assert foresight_of(played) is first
+    played.frame_set(3)
+    assert foresight_of(played) is not first
+
+
+def test_two_objects_that_claim_one_name_do_not_break_the_viewport(played):
+    lines_of(played)
+    twin = bpy.data.objects["player_1"].copy()
+    played.collection.objects.link(twin)
+    played.frame_set(2)
+    lines_of(played)
+
+
+def test_the_overlay_has_a_panel_in_the_tab(addon):
+    panel = bpy.types.PLAYABLE_PT_overlay
+    assert panel.bl_category == "Playable" and "DEFAULT_CLOSED" in panel.bl_options
