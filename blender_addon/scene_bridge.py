@@ -22,7 +22,9 @@ from pe_runtime.contract.camera import (
 )
 from pe_runtime.contract.errors import CameraError, ShotError
 from pe_runtime.contract.shot import (
+    BACKGROUND_PASS,
     DEPTH_PASS,
+    LAYER_PASS_PREFIX,
     MASK_PASS_PREFIX,
     SHOT_VERSION,
     ObjectTrack,
@@ -240,7 +242,9 @@ def shot_from_moments(
 
 
 def wanted_passes(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> tuple[str, ...]:
-    """The Shot's passes that somebody has switched on: depth in the view layer, masks by object.
+    """The Shot's passes that somebody has switched on.
+
+    Depth is switched on in the view layer, masks and layers by object, the background in the scene.
 
     Raises:
         ShotError: Two objects claim one name, or one has none.
@@ -248,9 +252,11 @@ def wanted_passes(scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> tuple[s
     if scene.name in picture_only:
         return ()
     depth = [DEPTH_PASS] if layer.use_pass_z else []
-    players = playable_objects(scene).items()
+    players = list(playable_objects(scene).items())
     masks = [f"{MASK_PASS_PREFIX}{name}" for name, each in players if each.playable.use_mask]
-    return (*depth, *masks)
+    layers = [f"{LAYER_PASS_PREFIX}{name}" for name, each in players if each.playable.use_layer]
+    background = [BACKGROUND_PASS] if scene.playable_environment.use_background else []
+    return (*depth, *masks, *layers, *background)
 
 
 def frames_per_second(scene: bpy.types.Scene) -> float:

@@ -58,8 +58,12 @@ def _show_passes(target: bpy.types.Object) -> None:
     """Let compositor nodes of the object's scenes offer the passes that there are now."""
     for scene in bpy.data.scenes:
         if scene.objects.get(target.name) == target:
-            for layer in scene.view_layers:
-                layer.update_render_passes()
+            _show_passes_of(scene)
+
+
+def _show_passes_of(scene: bpy.types.Scene) -> None:
+    for layer in scene.view_layers:
+        layer.update_render_passes()
 
 
 def _is_empty(_self: object, candidate: bpy.types.Object) -> bool:
@@ -94,6 +98,12 @@ class PlayableSettings(bpy.types.PropertyGroup):
         name="Mask",
         description="Render a pass with the pixels that show the object",
         update=lambda self, _context: _show_passes(self.id_data),
+    )
+    use_layer: BoolProperty(
+        name="Layer",
+        description="Render a pass with the object alone, where nothing stands before it",
+        update=lambda self, _context: _show_passes(self.id_data),
+        override={"LIBRARY_OVERRIDABLE"},
     )
 
 
@@ -150,6 +160,12 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
     )
     job: StringProperty(description="Ties this scene to its strip", options={"HIDDEN"})
     quality: EnumProperty(name="Quality", description="What rendering skips", items=QUALITIES)
+    use_background: BoolProperty(
+        name="Background",
+        description="Render a pass with the environment without its playable objects",
+        update=lambda self, _context: _show_passes_of(self.id_data),
+        override={"LIBRARY_OVERRIDABLE"},
+    )
     frames_folder: StringProperty(
         name="Frames",
         description="Folder for the rendered frames",
