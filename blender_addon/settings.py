@@ -25,6 +25,7 @@ from bpy.props import (
 
 from pe_runtime.contract.model_facts import ModelFacts
 
+from .framing.settings import FramingSettings, GroundPoint, TrackedObject
 from .overlay.settings import OverlaySettings
 
 SCHEMA = 1
@@ -174,16 +175,19 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
         default="//frames",
     )
     overlay: PointerProperty(type=OverlaySettings)
+    framing: PointerProperty(type=FramingSettings)
 
     def note_facts(self, facts: ModelFacts) -> None:
         """Keep what the panel tells of the model, so that it needs no worker for it."""
         self.steps_per_second = facts.steps_per_second
         self.native_size = facts.width, facts.height
         self.licence = facts.licence
+        self.framing.note_facts(facts)
 
     def forget_facts(self) -> None:
         """Tell nothing of a model that has not been loaded yet."""
         self.native_size, self.licence = (0, 0), ""
+        self.framing.facts_text = ""
 
     def list_boxes(self, names: Iterable[str]) -> None:
         """Have one box for each of these objects; boxes that were typed already stay."""
@@ -206,7 +210,15 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
         return {each.name: tuple(each.box) for each in self.boxes if any(each.box)}
 
 
-CLASSES = (PlayableSettings, BoxSettings, OverlaySettings, EnvironmentSettings)
+CLASSES = (
+    PlayableSettings,
+    BoxSettings,
+    OverlaySettings,
+    GroundPoint,
+    TrackedObject,
+    FramingSettings,
+    EnvironmentSettings,
+)
 
 
 def register() -> None:
