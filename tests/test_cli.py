@@ -213,7 +213,7 @@ def test_the_extension_holds_the_addon_and_the_contract_and_nothing_heavy(capsys
     made = result(capsys, "extension", "build", "-o", tmp_path)
     with zipfile.ZipFile(made["file"]) as archive:
         names = archive.namelist()
-        (wheel,) = [name for name in names if name.endswith(".whl")]
+        (wheel,) = [name for name in names if name.startswith("wheels/")]
         archive.extract(wheel, tmp_path)
     assert {"blender_manifest.toml", "__init__.py", "worker_client.py"} <= set(names)
     assert not [name for name in names if "datagen" in name or "demo_scene" in name]
