@@ -46,13 +46,3 @@ def unprojected(camera: Camera, pixels: np.ndarray, depth: np.ndarray | float) -
     directions = np.concatenate([sideways, np.ones((*pixels.shape[:-1], 1))], axis=-1)
     in_camera = directions * np.asarray(depth, np.float64)[..., None]
     return in_camera @ camera.world_from_camera[:3, :3].T + camera.world_from_camera[:3, 3]
-
-
-def on_ground(camera: Camera, pixels: np.ndarray) -> np.ndarray:
-    """Where a camera sees the ground z = 0 at pixels (..., 2); NaN at and above the horizon."""
-    eye = camera.world_from_camera[:3, 3]
-    rays = unprojected(camera, pixels, 1.0) - eye
-    fall = -rays[..., 2]
-    meets = (fall * np.sign(eye[2]) > 1e-9) & (eye[2] != 0.0)
-    reach = np.where(meets, eye[2] / np.where(meets, fall, 1.0), np.nan)
-    return eye + rays * reach[..., None]

@@ -1,5 +1,7 @@
 """The volumes of playable objects a few steps before and after now. Without Blender."""
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,10 +10,12 @@ from .foreseen_paths import Foresight, Path, colour_of, heading_at, position_at
 from .scene_lines import Colour, SceneLines, faded, joined, strokes
 from .volume_lines import heading_arrow, volume_edges
 
-NEAREST, FARTHEST = 0.75, 0.2
+NEAREST, FARTHEST = 0.6, 0.15
 """Opacity of the ghost next to now and of the last one."""
 PAST = 0.6
 """How much dimmer those before now are."""
+APART, TURNED = 0.12, math.radians(12)
+"""Share of an object's width, and angle, between ghosts: closer ones would only blur."""
 USUAL_LENGTH = 0.6
 """Metres of the arrow of an object whose volume is unknown."""
 
@@ -81,8 +85,24 @@ def _ghosts(
             ),
             faded(colour, opacity),
         )
-        for frame, opacity in frames
+        for frame, opacity in _told_apart(seen, path, frames)
     )
+
+
+def _told_apart(
+    seen: Foresight, path: Path, frames: list[tuple[float, float]]
+) -> Iterator[tuple[float, float]]:
+    """Those ghosts that stand visibly elsewhere than the object and the ghosts nearer to now."""
+    low, high = path.volume.low, path.volume.high
+    room = APART * min(high[0] - low[0], high[1] - low[1])
+    now = position_at(seen, path, seen.now), heading_at(seen, path, seen.now)
+    last = {True: now, False: now}
+    for frame, opacity in sorted(frames, key=lambda each: abs(each[0] - seen.now)):
+        ahead = frame > seen.now
+        there, facing = position_at(seen, path, frame), heading_at(seen, path, frame)
+        if math.dist(last[ahead][0], there) > room or abs(last[ahead][1] - facing) > TURNED:
+            last[ahead] = there, facing
+            yield frame, opacity
 
 
 def _arrow(seen: Foresight, path: Path) -> np.ndarray:

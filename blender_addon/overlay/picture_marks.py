@@ -13,7 +13,8 @@ import numpy as np
 from pe_runtime.contract.camera import Camera, project
 from pe_runtime.contract.model_facts import Volume
 
-from .clipping import NEAR, depth_of, in_front, on_ground, unprojected
+from ..framing.warnings import foot_of
+from .clipping import NEAR, depth_of, in_front, unprojected
 from .ground_grid import border_lines, encloses, grid_lines, mesh_of
 from .scene_lines import (
     AMBER,
@@ -110,7 +111,7 @@ def standing_lines(view: PictureView) -> SceneLines:
     """The volumes of the players where the feet of their boxes meet the ground."""
     parts = []
     for each in view.boxes:
-        foot, volume = foot_of(view.camera, each.box), view.volumes.get(each.name)
+        foot, volume = standing_at(view.camera, each.box), view.volumes.get(each.name)
         if foot is not None and volume is not None:
             edges = in_front(view.camera, volume_edges(volume, foot))
             parts.append(strokes(edges, faded(COLOURS[each.verdict], 0.6), 1.5))
@@ -123,19 +124,20 @@ def mark_lines(view: PictureView) -> SceneLines:
     return joined(_one_mark(view, number, each) for number, each in enumerate(view.marks, 1))
 
 
-def foot_of(camera: Camera, box: tuple[float, float, float, float]) -> np.ndarray | None:
-    """Where the middle of a box's lower edge meets the ground (3,); None if it never does."""
-    left, _, right, bottom = box
-    foot = on_ground(camera, np.array([(left + right) / 2, bottom]))
-    reaches = np.isfinite(foot).all() and np.abs(foot).max() < FARTHEST
-    return foot if reaches and depth_of(camera, foot) >= NEAR else None
+def standing_at(camera: Camera, box: tuple[float, float, float, float]) -> np.ndarray | None:
+    """Where the middle of a box's lower edge meets the ground (3,); None if nobody can see it."""
+    place = foot_of(camera, box)
+    if place is None or not np.abs(place).max() < FARTHEST:
+        return None
+    foot = np.array([*place, 0.0])
+    return foot if depth_of(camera, foot) >= NEAR else None
 
 
 def _one_box(view: PictureView, each: PictureBox) -> SceneLines:
     left, top, right, bottom = each.box
     if not np.isfinite(each.box).all():
         return SceneLines()
-    foot = foot_of(view.camera, each.box)
+    foot = standing_at(view.camera, each.box)
     # Without a foot on the ground it hangs where the players of such pictures stand.
     depth = _usual_depth(view) if foot is None else float(depth_of(view.camera, foot))
     pixels = np.array([(left, top), (right, top), (right, bottom), (left, bottom)])

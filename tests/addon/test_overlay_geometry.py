@@ -8,7 +8,7 @@ from addon.stage import front_camera
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from blender_addon.overlay.clipping import NEAR, depth_of, in_front, on_ground, unprojected
+from blender_addon.overlay.clipping import NEAR, depth_of, in_front, unprojected
 from blender_addon.overlay.ground_grid import MOST_LINES, border_lines, grid_lines, mesh_of
 from blender_addon.overlay.picture_marks import (
     AMBER,
@@ -20,9 +20,9 @@ from blender_addon.overlay.picture_marks import (
     PictureBox,
     PictureView,
     box_lines,
-    foot_of,
     ground_lines,
     mark_lines,
+    standing_at,
     standing_lines,
 )
 from blender_addon.overlay.scene_lines import NEUTRAL
@@ -94,16 +94,6 @@ def test_what_is_seen_at_a_pixel_is_projected_to_that_pixel(camera, pixel, depth
     assert np.allclose(seen[0], pixel, atol=1e-3 * (1 + np.abs(camera.world_from_camera).max()))
 
 
-def test_the_middle_of_the_picture_meets_the_ground_where_geometry_says():
-    # 2.5 m up, falling 0.28 m for every 0.96 m ahead.
-    found = on_ground(front_camera(), np.array([32.0, 18.0]))
-    assert np.allclose(found, [0.0, -8.0 + 2.5 / 0.28 * 0.96, 0.0])
-
-
-def test_a_pixel_above_the_horizon_meets_no_ground():
-    assert np.isnan(on_ground(front_camera(), np.array([32.0, -20.0]))).all()
-
-
 def test_a_court_has_a_line_for_every_metre():
     lines = grid_lines((-2.0, -1.5), (2.0, 3.0))
     across = sorted(x for (x, _, _), (other, _, _) in lines if x == other)
@@ -159,7 +149,7 @@ def test_a_box_frames_its_object_through_the_cameras_eye():
 def test_the_volume_stands_where_the_box_meets_the_ground():
     box = (28.0, 5.0, 36.0, 18.0)
     view = PictureView(front_camera(), (PictureBox("a", box),), {"a": PLAYER})
-    foot = foot_of(view.camera, box)
+    foot = standing_at(view.camera, box)
     assert np.allclose(foot, [0.0, -8.0 + 2.5 / 0.28 * 0.96, 0.0])
     (stroke,) = standing_lines(view).strokes
     assert np.allclose(stroke.ends.mean(axis=(0, 1)), foot + (0, 0, 1.0))
@@ -168,7 +158,7 @@ def test_the_volume_stands_where_the_box_meets_the_ground():
 def test_a_box_whose_foot_is_in_the_sky_is_drawn_without_a_volume():
     box = PictureBox("a", (10.0, -30.0, 20.0, -10.0), IMPOSSIBLE, "its foot is in the sky")
     view = PictureView(front_camera(), (box,), {"a": PLAYER})
-    assert foot_of(view.camera, box.box) is None and standing_lines(view).segments == 0
+    assert standing_at(view.camera, box.box) is None and standing_lines(view).segments == 0
     lines = box_lines(view)
     assert lines.segments == 4 and everything_finite(lines)
     assert lines.labels[0].text == "a\nits foot is in the sky"

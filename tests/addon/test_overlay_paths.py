@@ -105,6 +105,22 @@ def test_a_ghost_is_the_volume_at_its_step_turned_as_the_object_will_be():
     assert np.allclose(ends.max(axis=(0, 1)), [4.0, 2.0, 1.0])
 
 
+def test_an_object_that_stands_still_has_no_ghosts_and_one_that_turns_on_its_spot_has():
+    still, skins = np.zeros((9, 3)), Skins(before=2, after=2)
+    assert ghost_lines(walking(positions=still), skins).segments == 0
+    turning = walking(positions=still, headings=np.linspace(0.0, math.pi, 9))
+    assert ghost_lines(turning, skins).segments == 4 * 12
+
+
+def test_ghosts_of_a_slow_object_are_as_far_apart_as_they_can_be_told_apart():
+    # One ghost a frame, 2.5 cm each, boxes 1 m wide: every fifth one is more than 12 cm on.
+    positions = np.stack([np.arange(40) * 0.025, np.zeros(40), np.zeros(40)], axis=1)
+    seen = walking(positions=positions, now=1, per_step=1.0)
+    lines = ghost_lines(seen, Skins(before=0, after=24))
+    middles = sorted(each.ends[..., 0].mean() for each in lines.strokes)
+    assert np.allclose(middles, [0.125, 0.25, 0.375, 0.5])
+
+
 def test_objects_that_do_not_turn_have_no_arrow_and_unknown_volumes_no_ghosts():
     assert heading_arrows(walking()) == ghost_lines(walking(volume=None), Skins())
     assert heading_arrows(walking(headings=np.zeros(9))).segments == 3
