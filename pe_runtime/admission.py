@@ -8,6 +8,7 @@ from pe_runtime.config import ModelConfig
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import CameraError, ConfigError
 from pe_runtime.networks import Codes
+from pe_runtime.render_options import RenderOptions
 from pe_runtime.state import EnvironmentState
 
 
@@ -86,3 +87,19 @@ def check_state(config: ModelConfig, state: EnvironmentState) -> None:
                 f"model {expected.style_features} and {expected.pose_features}: the state is from "
                 "another model; encode the picture again"
             )
+
+
+def check_options(options: RenderOptions, camera: Camera, config: ModelConfig) -> None:
+    """Refuse frames that cannot be drawn.
+
+    Raises:
+        ConfigError: Unknown quality, mask or layer, or a region outside of the camera's pixels.
+    """
+    options.switches  # noqa: B018 -- an unknown quality has none
+    options.size(camera)
+    for name in options.masks:
+        config.class_of(name)
+    for name in options.layers:
+        if name not in config.playable_names:
+            known = ", ".join(config.playable_names) or "none"
+            raise ConfigError(f"no layer of {name!r}; playable objects have one: {known}")

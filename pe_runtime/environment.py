@@ -16,9 +16,9 @@ from torch import Tensor
 from pe_runtime.action.dynamics import Memory as ObjectMemory
 from pe_runtime.action.module import ActionModule
 from pe_runtime.action.sequences import PlayerState, StateSequence
-from pe_runtime.admission import check_found, check_picture, check_state
+from pe_runtime.admission import check_found, check_options, check_picture, check_state
 from pe_runtime.checkpoint import fit, load_checkpoint
-from pe_runtime.config import QUALITIES, ModelConfig, Quality, from_dict
+from pe_runtime.config import ModelConfig, from_dict
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import CheckpointError, ConfigError
 from pe_runtime.fair_threads import FairThreads
@@ -26,7 +26,10 @@ from pe_runtime.frame_renderer import FrameRenderer
 from pe_runtime.geometry.cameras import Cameras
 from pe_runtime.kept_frames import Frame, KeptFrames
 from pe_runtime.networks import Codes, SynthesisNetworks
+from pe_runtime.object_layers import with_layers
+from pe_runtime.render_options import RenderOptions
 from pe_runtime.rendering.precision import multiplies_bfloat16
+from pe_runtime.rendering.regions import Region
 from pe_runtime.rendering.scene import RenderSettings
 from pe_runtime.state import EnvironmentState, ObjectState
 
@@ -38,21 +41,6 @@ class Memory:
     """What the dynamics networks remember, by object name."""
 
     objects: Mapping[str, ObjectMemory]
-
-
-@dataclass(frozen=True)
-class RenderOptions:
-    """What a frame is to hold.
-
-    Attributes:
-        quality: "exact", "balanced" or "draft" (see `config.QUALITIES`), or switches of one's own.
-        depth: Also give planar depth.
-        masks: Objects whose share of each pixel is wanted.
-    """
-
-    quality: str | Quality = "exact"
-    depth: bool = False
-    masks: tuple[str, ...] = ()
 
 
 class PlayableEnvironment:
@@ -241,22 +229,29 @@ class PlayableEnvironment:
         Args:
             state: What to draw; hidden objects and objects out of view cost nothing.
             camera: From where, and how many pixels.
-            options: Quality and further passes.
+            options: Quality, region and further passes.
 
         Raises:
-            ConfigError: Unknown quality or mask, or a state of another model.
+            ConfigError: Unknown quality, mask or layer, a region outside of the camera's pixels, or
+                a state of another model.
         """
         options = options or RenderOptions()
-        quality = _switches(options.quality)
-        for name in options.masks:
-            self.config.class_of(name)
+        check_options(options, camera, self.config)
         check_state(self.config, state)
-        key = (_decided_by(state), _view(camera), options.depth, options.masks, quality)
+        if options.layers or options.background:
+            return with_layers(
+                lambda each, asked: self.render(each, camera, asked),
+                state,
+                options,
+                self.playable_names,
+            )
+        asked = (options.switches, options.region, options.depth, options.masks)
+        key = (_decided_by(state), _view(camera), asked)
         kept = self.kept_frames.get(key)
         if kept is not None:
             return kept
         with self.threads.sharing():
-            frame = self._drawn(state, camera, options, quality)
+            frame = self._drawn(state, camera, options)
         self.kept_frames.keep(key, frame)
         return frame
 
@@ -265,9 +260,8 @@ class PlayableEnvironment:
         self.renderer.forget()
         self.kept_frames.clear()
 
-    def _drawn(
-        self, state: EnvironmentState, camera: Camera, options: RenderOptions, quality: Quality
-    ) -> Frame:
+    def _drawn(self, state: EnvironmentState, camera: Camera, options: RenderOptions) -> Frame:
+        quality = options.switches
         settings = RenderSettings(
             near=self.config.near,
             weight_threshold=quality.weight_threshold,
@@ -279,12 +273,13 @@ class PlayableEnvironment:
         )
         codes = self.codes(state)
         cameras = Cameras.stack([camera], self.device)
-        picture, statistics = self.renderer.draw(cameras, codes, settings)
+        region = None if options.region is None else Region.from_sizes(*options.region)
+        picture, statistics = self.renderer.draw(cameras, codes, settings, region)
         depth, masks = None, {}
         if options.depth or options.masks:
-            seen = self.renderer.geometry(cameras, codes, settings)
+            seen = self.renderer.geometry(cameras, codes, settings, region)
             depth, masks = seen.depth, seen.masks
-        nothing = np.zeros((camera.height, camera.width), np.float32)
+        nothing = np.zeros(options.size(camera), np.float32)
         return Frame(
             np.ascontiguousarray(picture.permute(1, 2, 0).cpu().numpy()),
             depth.cpu().numpy() if options.depth else None,
@@ -344,15 +339,6 @@ def _decided_by(state: EnvironmentState) -> tuple:
 def _view(camera: Camera) -> tuple:
     numbers = (camera.intrinsics, camera.world_from_camera)
     return camera.width, camera.height, *(each.tobytes() for each in numbers)
-
-
-def _switches(quality: str | Quality) -> Quality:
-    if isinstance(quality, Quality):
-        return quality
-    if quality not in QUALITIES:
-        known = ", ".join(QUALITIES)
-        raise ConfigError(f"no render quality {quality!r}; there are: {known}")
-    return QUALITIES[quality]
 
 
 def find_model(model: str | Path) -> Path:

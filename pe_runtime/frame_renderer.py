@@ -1,7 +1,7 @@
 """Frames of a trained model, one after the other; what the next shares with the last is kept."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 
 import torch
@@ -22,8 +22,10 @@ from pe_runtime.rendering.frame_drawing import (
     measure,
 )
 from pe_runtime.rendering.frame_passages import FrameObject, FrameRays
-from pe_runtime.rendering.partial_decoding import Decoded, decode, decode_again
+from pe_runtime.rendering.partial_decoding import Decoded, cells_of, decode, decode_again
 from pe_runtime.rendering.prepared_renderer import PreparedRenderer, prepared
+from pe_runtime.rendering.region_decoding import blank, decode_part, needed_regions
+from pe_runtime.rendering.regions import Region
 from pe_runtime.rendering.sampling import grid_pixels
 from pe_runtime.rendering.scene import RenderSettings
 
@@ -60,7 +62,7 @@ class FrameRenderer:
         self._classes = {each.name: each.class_name for each in self.config.objects}
         self._folders: dict[tuple[str, torch.dtype], FieldFolder] = {}
         self._folded: dict[str, tuple[tuple, FoldedField]] = {}
-        self._rays: tuple[tuple, FrameRays, list[Level]] | None = None
+        self._rays: tuple[Hashable, FrameRays, list[Level]] | None = None
         self._kept: KeptFrame | None = None
         self._decoder: tuple[torch.dtype, PreparedRenderer] | None = None
         self._picture: Decoded | None = None
@@ -71,20 +73,27 @@ class FrameRenderer:
 
     @torch.inference_mode()
     def draw(
-        self, camera: Cameras, codes: Mapping[str, Codes], settings: RenderSettings
+        self,
+        camera: Cameras,
+        codes: Mapping[str, Codes],
+        settings: RenderSettings,
+        region: Region | None = None,
     ) -> tuple[Float[Tensor, "3 height width"], dict[str, int]]:
-        """Draw one whole frame.
+        """Draw one frame, or a part of it.
 
         Args:
             camera: One camera.
             codes: States of one frame by object name.
             settings: Sampling and skipping.
+            region: The pixels that are wanted; None for all of the camera's.
 
         Returns:
-            sRGB picture in [0, 1], and the counters of the composition.
+            sRGB picture in [0, 1] of the wanted pixels, and the counters of the composition.
         """
+        if region is not None:
+            return self._draw_part(camera, codes, settings, region)
         size, before = self.map_size(camera), self._picture
-        if self._rays is None or self._rays[0] != camera_key(camera):
+        if self._rays is None or self._rays[0] != (camera_key(camera), ()):
             before = None  # of no use for another view, and large
         drawn = self.features(camera, codes, settings)
         maps = self.networks.as_maps(drawn.maps, 1, size)
@@ -99,11 +108,9 @@ class FrameRenderer:
         before: Decoded | None,
     ) -> Float[Tensor, "3 height width"]:
         """The picture of feature maps; only what a change can reach is decoded again."""
-        dtype = torch.bfloat16 if settings.bfloat16 else torch.float32
-        if self._decoder is None or self._decoder[0] != dtype:
-            self._decoder = (dtype, prepared(self.networks.feature_renderer, dtype))
+        known, decoder = self._decoder, self._ready_decoder(settings)
+        if known is not self._decoder:
             before = None
-        decoder = self._decoder[1]
         if drawn.changed is None or before is None:
             picture, self._picture = decode(decoder, maps)
         else:
@@ -114,6 +121,33 @@ class FrameRenderer:
             self._picture = None
         return picture
 
+    def _ready_decoder(self, settings: RenderSettings) -> PreparedRenderer:
+        dtype = torch.bfloat16 if settings.bfloat16 else torch.float32
+        if self._decoder is None or self._decoder[0] != dtype:
+            self._decoder = (dtype, prepared(self.networks.feature_renderer, dtype))
+        return self._decoder[1]
+
+    def _draw_part(
+        self,
+        camera: Cameras,
+        codes: Mapping[str, Codes],
+        settings: RenderSettings,
+        region: Region,
+    ) -> tuple[Float[Tensor, "3 height width"], dict[str, int]]:
+        """A part of a frame from the rays that it needs, each of them a ray of the whole."""
+        decoder, size = self._ready_decoder(settings), self.map_size(camera)
+        needed = needed_regions(decoder, size, region)
+        strides = self.config.feature_renderer.strides
+        drawn = self.features(camera, codes, settings, needed[: len(strides)])
+        maps = []
+        for stride, part, rows in zip(strides, needed, drawn.maps, strict=False):
+            whole = blank(rows.shape[1], Region(0, 0, size[0] // stride, size[1] // stride), rows)
+            cells = rows.reshape(part.height, part.width, -1).permute(2, 0, 1)[None]
+            cells_of(whole, part).copy_(cells)
+            maps.append(whole)
+        picture = decode_part(decoder, maps, needed)
+        return cells_of(picture, region).float(), drawn.statistics
+
     def map_size(self, camera: Cameras) -> tuple[int, int]:
         """Height and width in pixels that the feature maps of a frame cover."""
         coarsest = self.config.feature_renderer.strides[-1]
@@ -123,12 +157,23 @@ class FrameRenderer:
 
     @torch.inference_mode()
     def features(
-        self, camera: Cameras, codes: Mapping[str, Codes], settings: RenderSettings
+        self,
+        camera: Cameras,
+        codes: Mapping[str, Codes],
+        settings: RenderSettings,
+        parts: tuple[Region, ...] = (),
     ) -> DrawnFeatures:
-        """Feature maps of one frame, finest first; the last frame's are taken over where equal."""
+        """Feature maps of one frame, finest first; the last frame's are taken over where equal.
+
+        Args:
+            camera: One camera.
+            codes: States of one frame by object name.
+            settings: Sampling and skipping.
+            parts: Which cells of each map are wanted; empty for all.
+        """
         settings = self.networks.complete(settings)
         placed = self._placed(codes, settings)
-        rays, levels = self._frame_rays(camera)
+        rays, levels = self._frame_rays(camera, parts)
         rays = replace(rays, base=base_depth(camera, placed, settings))
         # Both are taken out: where a frame is interrupted, or only its features are asked for, the
         # picture is not the one that belongs to what is kept.
@@ -139,14 +184,21 @@ class FrameRenderer:
 
     @torch.inference_mode()
     def geometry(
-        self, camera: Cameras, codes: Mapping[str, Codes], settings: RenderSettings
+        self,
+        camera: Cameras,
+        codes: Mapping[str, Codes],
+        settings: RenderSettings,
+        region: Region | None = None,
     ) -> Geometry:
-        """Depth and masks at full image resolution; no features are computed."""
+        """Depth and masks at full image resolution, or of a region; no features are computed."""
         settings = self.networks.complete(settings)
         placed = self._placed(codes, settings)
-        pixels = grid_pixels(0, 0, camera.height, camera.width, 1).to(camera.intrinsics.device)
-        rays, shape = self._rays_through(camera, pixels), (camera.height, camera.width)
-        rays = replace(rays, base=base_depth(camera, placed, settings))
+        own = region or Region(0, 0, camera.height, camera.width)
+        pixels = grid_pixels(own.top, own.left, own.height, own.width, 1)
+        rays = self._rays_through(camera, pixels.to(camera.intrinsics.device))
+        shape = own.height, own.width
+        parts = () if region is None else (region,)
+        rays = replace(rays, base=base_depth(camera, placed, settings), parts=parts)
         seen = measure(rays, placed, settings)
         kinds = [self.config.class_of(name).kind for name in placed]
         solid = [i for i, kind in enumerate(kinds) if kind != "sky"]
@@ -155,18 +207,23 @@ class FrameRenderer:
         depth = torch.where(covered >= 0.5, depth, torch.inf).reshape(shape)
         return Geometry(depth, {n: seen.shares[:, i].reshape(shape) for i, n in enumerate(placed)})
 
-    def _frame_rays(self, camera: Cameras) -> tuple[FrameRays, list[Level]]:
+    def _frame_rays(
+        self, camera: Cameras, parts: tuple[Region, ...]
+    ) -> tuple[FrameRays, list[Level]]:
         """The rays of all levels; those of the last frame where its camera is this one's."""
-        key = camera_key(camera)
+        key = camera_key(camera), parts
         if self._rays is None or self._rays[0] != key:
-            size, start, pixels, levels = self.map_size(camera), 0, [], []
-            channels = self.networks.channels()
-            for stride, own in zip(self.config.feature_renderer.strides, channels, strict=True):
-                pixels.append(grid_pixels(0, 0, *size, stride))
+            start, pixels, levels = 0, [], []
+            channels, strides = self.networks.channels(), self.config.feature_renderer.strides
+            height, width = self.map_size(camera)
+            wholes = [Region(0, 0, height // stride, width // stride) for stride in strides]
+            for stride, own, part in zip(strides, channels, parts or wholes, strict=True):
+                bounds = (n * stride for n in (part.top, part.left, part.height, part.width))
+                pixels.append(grid_pixels(*bounds, stride))
                 levels.append(Level(slice(start, start + pixels[-1].shape[0]), own))
                 start += pixels[-1].shape[0]
             rays = self._rays_through(camera, torch.cat(pixels).to(camera.intrinsics.device))
-            self._rays = (key, rays, levels)
+            self._rays = (key, replace(rays, parts=parts), levels)
         return self._rays[1:]
 
     def _rays_through(self, camera: Cameras, pixels: Tensor) -> FrameRays:

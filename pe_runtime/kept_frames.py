@@ -19,6 +19,8 @@ class Frame:
         rgb: (height, width, 3) float32 sRGB in [0, 1].
         depth: (height, width) float32 planar metres, +inf where nothing solid is; None unasked.
         masks: Object name -> (height, width) float32 share of the pixel, in [0, 1].
+        layers: Object name -> (height, width, 4) float32 sRGB with straight alpha: it alone.
+        background: (height, width, 3) float32 sRGB without playable objects; None unasked.
         statistics: What it cost: rays, composed_rays, hits, field_samples, feature_samples,
             kept_objects, kept_frames.
     """
@@ -27,6 +29,8 @@ class Frame:
     depth: np.ndarray | None = None
     masks: Mapping[str, np.ndarray] = field(default_factory=dict)
     statistics: Mapping[str, int] = field(default_factory=dict)
+    layers: Mapping[str, np.ndarray] = field(default_factory=dict)
+    background: np.ndarray | None = None
 
     @property
     def nbytes(self) -> int:

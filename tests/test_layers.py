@@ -23,7 +23,7 @@ LAYERS = (
     ("networks",),
     ("frame_renderer",),
     ("checkpoint", "dataset", "images"),
-    ("kept_frames", "fair_threads"),
+    ("kept_frames", "fair_threads", "render_options", "object_layers"),
     ("admission", "environment"),
     ("shots", "mesh"),
     ("training", "evaluation", "interop", "footage", "recording", "curation", "cluster", "vgg"),

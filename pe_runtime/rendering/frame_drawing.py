@@ -92,7 +92,7 @@ def draw_features(
         settings: Sampling and skipping.
         kept: What the frame before left behind; used if its view is this one's, and up.
     """
-    view = (camera_key(rays.camera), len(rays), rays.base, settings)
+    view = (camera_key(rays.camera), len(rays), rays.parts, rays.base, settings)
     if kept is not None and kept.view != view:
         kept.passages.clear()
         kept = None
@@ -266,7 +266,7 @@ def _chunks(rays: FrameRays) -> Iterator[tuple[FrameRays, int, int]]:
         stop = min(start + CHUNK, len(rays))
         run = slice(start, stop)
         parts = (rays.pixels[run], rays.directions[run], rays.lengths[run])
-        yield FrameRays(rays.camera, *parts, rays.base), start, stop
+        yield FrameRays(rays.camera, *parts, rays.base, rays.parts), start, stop
 
 
 def _within(bounds: slice, start: int, stop: int) -> slice:

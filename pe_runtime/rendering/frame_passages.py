@@ -9,6 +9,7 @@ from torch import Tensor
 
 from pe_runtime.geometry.cameras import Cameras
 from pe_runtime.rendering.folded_field import FoldedField
+from pe_runtime.rendering.regions import Region
 
 
 @dataclass(frozen=True)
@@ -22,6 +23,7 @@ class FrameRays:
         lengths: Their lengths; float32.
         base: Planar depth from which depths of samples count, metres. From far away the differences
             are what has the digits. Always 0 under "release-2022".
+        parts: Which cells of each feature map they belong to; empty for all of them.
     """
 
     camera: Cameras
@@ -29,6 +31,7 @@ class FrameRays:
     directions: Float[Tensor, "rays 3"]
     lengths: Float[Tensor, " rays"]
     base: float = 0.0
+    parts: tuple[Region, ...] = ()
 
     def __len__(self) -> int:
         """Number of rays."""

@@ -160,7 +160,7 @@ def _wanted(
     index, depth, coordinates = samples
     wanted = None
     if settings.occupancy and each.field.config.kind == "playable":
-        wanted = occupied(each.field, coordinates)
+        wanted = occupied(each.field, coordinates, always=bool(rays.parts))
     if settings.termination > 0 and before:
         lit = (
             light_at(before, index, (depth[:, :1] - rays.base).float(), settings)

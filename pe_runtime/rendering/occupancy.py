@@ -22,15 +22,17 @@ EMPTY = 1e-2
 def occupied(
     field: FoldedField,
     coordinates: Float[Tensor, "3 hits samples"],
+    always: bool = False,
 ) -> Bool[Tensor, "hits samples"] | None:
     """Whether there may be something at samples; None where a look would cost more than it saves.
 
     Args:
         field: The object's, in its present state.
         coordinates: Samples in half box sizes.
+        always: Look whatever it costs: for a part of a picture, which is to be as in the whole.
     """
     count = CELLS[0] * CELLS[1] * CELLS[2]
-    if coordinates[0].numel() < 2 * count:
+    if not always and coordinates[0].numel() < 2 * count:
         return None
     # One more cell at the upper end of each axis, for samples right on the face.
     grid = torch.nn.functional.pad(dense_cells(field, coordinates.device), (0, 1) * 3)

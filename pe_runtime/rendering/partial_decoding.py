@@ -58,7 +58,7 @@ def decode(
     """
     values = list(maps)
     for step in renderer.steps:
-        values.append(_value(step, values, _extent(step, values), renderer.dtype))
+        values.append(value_of(step, values, extent_of(step, values), renderer.dtype))
     picture = values.pop()
     return picture[0], Decoded(tuple(values[len(maps) :]), picture)
 
@@ -90,17 +90,17 @@ def decode_again(
         return before.picture[0], before
     values = [*maps, *before.values, before.picture]
     for index, step in enumerate(renderer.steps, start=len(maps)):
-        whole = _extent(step, values)
+        whole = extent_of(step, values)
         reached = _reached(step, regions, whole)
         regions.append(reached)
         if index == len(values) - 1:
             values[index] = values[index].clone()
         for region in _work(step, reached, whole):
-            part = _value(step, values, region, renderer.dtype)
+            part = value_of(step, values, region, renderer.dtype)
             if region == whole:
                 values[index] = part
             else:
-                _cells(values[index], region).copy_(part)
+                cells_of(values[index], region).copy_(part)
     picture = values.pop()
     return picture[0], Decoded(tuple(values[len(maps) :]), picture)
 
@@ -110,11 +110,13 @@ def _fits(before: Decoded, renderer: PreparedRenderer, maps: Sequence[Tensor]) -
     return [n * stride for n in maps[0].shape[-2:]] == [*before.picture.shape[-2:]]
 
 
-def _extent(step: Step, values: Sequence[Tensor]) -> Region:
+def extent_of(step: Step, values: Sequence[Tensor]) -> Region:
+    """All cells of a step's value."""
     return extent(step.sources[0], values)
 
 
-def _cells(value: Tensor, region: Region) -> Tensor:
+def cells_of(value: Tensor, region: Region) -> Tensor:
+    """A region of a value, as it lies in memory."""
     return value[..., region.top : region.bottom, region.left : region.right]
 
 
@@ -145,8 +147,16 @@ def _work(step: Step, regions: Sequence[Region], whole: Region) -> list[Region]:
     return [whole] if sum(each.area for each in work) >= WHOLE * whole.area else work
 
 
-def _value(step: Step, values: Sequence[Tensor], region: Region, dtype: torch.dtype) -> Tensor:
-    """A step's result in a region."""
+def value_of(step: Step, values: Sequence[Tensor], region: Region, dtype: torch.dtype) -> Tensor:
+    """A step's result in a region.
+
+    Args:
+        step: The step.
+        values: Maps and results of the steps before, each whole (1, channels, height, width); only
+            what the region is made of is read.
+        region: Cells of the result.
+        dtype: In which convolutions are computed.
+    """
     convolution = step.convolution
     if convolution is None:
         out = gathered(step.sources, values, region, 0, 0, torch.float32)
@@ -157,7 +167,7 @@ def _value(step: Step, values: Sequence[Tensor], region: Region, dtype: torch.dt
     if step.after == "sigmoid":
         out = out.float()
     if step.plus is not None:
-        out.add_(_cells(values[step.plus][:, : convolution.channels], region))
+        out.add_(cells_of(values[step.plus][:, : convolution.channels], region))
     if step.after == "sigmoid":
         return _squashed(out)
     return out.relu_() if step.after == "relu" else out

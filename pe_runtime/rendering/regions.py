@@ -25,6 +25,11 @@ class Region:
     bottom: int
     right: int
 
+    @classmethod
+    def from_sizes(cls, left: int, top: int, width: int, height: int) -> "Region":
+        """The region with its upper left cell there."""
+        return cls(top, left, top + height, left + width)
+
     @property
     def height(self) -> int:
         """Rows."""
