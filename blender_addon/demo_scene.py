@@ -27,10 +27,10 @@ from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
 from . import playables
 from .bake import bake_of
-from .range_render import job_for
 from .scene_bridge import action_names, look_through, playable_objects
-from .sequencer import write_video
 from .session import session
+from .strips.job import job_for
+from .strips.video import write_video
 
 KEYS_OF_A_MOVE = 5
 

@@ -27,9 +27,10 @@ from pe_runtime.contract.camera import Camera
 
 from . import engine
 from .pixels import PassMemory
-from .range_render import job_for, lent_settings
 from .scene_bridge import look_through, picture_only, playable_objects
 from .session import session
+from .strips.job import job_for
+from .strips.lending import lent_settings
 
 WARM_UP = 2
 """Frames at the start of each way that are not counted: files and memory are first touched."""

@@ -27,6 +27,7 @@ from pe_runtime.contract.model_facts import ModelFacts
 
 from .framing.settings import FramingSettings, GroundPoint, TrackedObject
 from .overlay.settings import OverlaySettings
+from .strips.settings import StripSettings
 
 SCHEMA = 1
 UNNAMED_ACTIONS = 16
@@ -176,6 +177,7 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
     )
     overlay: PointerProperty(type=OverlaySettings)
     framing: PointerProperty(type=FramingSettings)
+    strips: PointerProperty(type=StripSettings)
 
     def note_facts(self, facts: ModelFacts) -> None:
         """Keep what the panel tells of the model, so that it needs no worker for it."""
@@ -217,6 +219,7 @@ CLASSES = (
     GroundPoint,
     TrackedObject,
     FramingSettings,
+    StripSettings,
     EnvironmentSettings,
 )
 

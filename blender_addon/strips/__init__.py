@@ -2,12 +2,9 @@
 
 
 def _parts() -> tuple:
-    from . import operators, panels
+    from . import lending, operators, panels, strip_operators
 
-    return (
-        operators,
-        panels,
-    )
+    return lending, operators, strip_operators, panels
 
 
 def register() -> None:

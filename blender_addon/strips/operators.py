@@ -1,91 +1,161 @@
-"""Rendering the range into a strip of the sequencer."""
+"""Rendering a range into files, and into a strip of the sequencer."""
+
+import json
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import IntProperty, StringProperty
 
-from pe_runtime.contract.errors import PlayableEnvironmentError
+import pe_runtime
 
-from ..range_render import (
-    RenderWatch,
-    borrow_settings,
-    job_for,
-    lent_settings,
-    show_in_sequencer,
-)
-from ..worker_operator import Result, allowed, end_modal, failed, show_progress, start_modal
+from ..session import session
+from ..worker_operator import Result, allowed, model_path
+from .job import RangeJob, source_of
+from .placing import StripPlan, place_strip
+from .provenance import Provenance, provenance_of
+from .range_operator import RangeOperator
+from .running import Outcome
+from .target import leave_sequencer_out, target_of, target_warnings
 
 
-class PLAYABLE_OT_render_to_sequencer(bpy.types.Operator):
-    """Render the frame range and show it as one strip in the sequencer of the Edit scene."""
+class PLAYABLE_OT_render_to_sequencer(RangeOperator, bpy.types.Operator):
+    """Render what is missing or has changed, and show the range as one strip in a sequencer."""
 
     bl_idname = "playable.render_to_sequencer"
     bl_label = "Render to Sequencer"
     bl_options = {"UNDO"}
 
-    folder: StringProperty(name="Folder", description="Empty: the scene's setting")
+    folder: StringProperty(
+        name="Folder", description="Empty: the scene's setting", options={"SKIP_SAVE"}
+    )
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        baked = context.scene.playable_environment.bake_text is not None
-        return allowed(cls, baked, "Bake paths first")
+        return _can_render(cls, context.scene)
+
+    def frames_folder(self, context: bpy.types.Context) -> str:
+        return self.folder or super().frames_folder(context)
+
+    def conclude(self, context: bpy.types.Context, job: RangeJob, outcome: Outcome) -> None:
+        show_in_sequencer(self, context, job, outcome)
+
+
+class PLAYABLE_OT_render_range(RangeOperator, bpy.types.Operator):
+    """Render what is missing or has changed to files, without a strip; for scripts and farms."""
+
+    bl_idname = "playable.render_range"
+    bl_label = "Render Range to Files"
+    bl_options = {"UNDO"}
+
+    folder: StringProperty(
+        name="Folder", description="Empty: the scene's setting", options={"SKIP_SAVE"}
+    )
+    frame_start: IntProperty(
+        name="Start", description="First frame; the scene's unless set", options={"SKIP_SAVE"}
+    )
+    frame_end: IntProperty(
+        name="End", description="Last frame; the scene's unless set", options={"SKIP_SAVE"}
+    )
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return _can_render(cls, context.scene)
+
+    def frames_folder(self, context: bpy.types.Context) -> str:
+        return self.folder or super().frames_folder(context)
+
+    def frames(self, scene: bpy.types.Scene) -> tuple[int, int]:
+        chosen = self.properties.is_property_set
+        first = self.frame_start if chosen("frame_start") else scene.frame_start
+        return first, self.frame_end if chosen("frame_end") else scene.frame_end
+
+
+class PLAYABLE_OT_overwrite_frames(bpy.types.Operator):
+    """Ask whether files may be lost, and render again if so."""
+
+    bl_idname = "playable.overwrite_frames"
+    bl_label = "Overwrite Files?"
+    bl_options = {"INTERNAL"}
+
+    job: StringProperty(description="Name of the operator that renders", options={"HIDDEN"})
+    options: StringProperty(description="Its options, as JSON", options={"HIDDEN"})
+    count: IntProperty(description="How many files would be lost", options={"HIDDEN"})
+
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
+        return context.window_manager.invoke_confirm(
+            self,
+            event,
+            title="Overwrite Files?",
+            message=f"{self.count} files in the frames folder were not rendered by this job, "
+            "or were changed since. Rendering would replace them.",
+            confirm_text="Overwrite",
+            icon="WARNING",
+        )
+
+    def execute(self, _context: bpy.types.Context) -> Result:
+        render = getattr(bpy.ops.playable, self.job)
+        render("INVOKE_DEFAULT", **(json.loads(self.options or "{}") | {"overwrite": True}))
+        return {"FINISHED"}
+
+
+class PLAYABLE_OT_leave_sequencer_out(bpy.types.Operator):
+    """Switch the sequencer off for rendering, so that the scene's environment is rendered."""
+
+    bl_idname = "playable.leave_sequencer_out"
+    bl_label = "Render the Environment Instead"
+    bl_options = {"REGISTER", "UNDO"}
 
     def execute(self, context: bpy.types.Context) -> Result:
-        scene = context.scene
-        try:
-            job = job_for(scene, self.folder or scene.playable_environment.frames_folder)
-            with lent_settings(scene, job):
-                bpy.ops.render.render(animation=True, scene=scene.name)
-            strip = show_in_sequencer(scene, job)
-        except (PlayableEnvironmentError, RuntimeError) as error:
-            return failed(self, error)
-        self.report({"INFO"}, f"{len(job.files)} frames in strip {strip.name!r}")
-        return {"FINISHED"}
-
-    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
-        scene = context.scene
-        try:
-            self._job = job_for(scene, self.folder or scene.playable_environment.frames_folder)
-        except PlayableEnvironmentError as error:
-            return failed(self, error)
-        take, self._give_back = borrow_settings(scene, self._job)
-        take()
-        self._watch = RenderWatch()
-        start_modal(self, context)
-        bpy.ops.render.render("INVOKE_DEFAULT", animation=True, scene=scene.name)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}  # Esc too: Blender's own render job listens for it
-        watch, count = self._watch, len(self._job.files)
-        show_progress(context, f"Rendering {watch.written} of {count}", watch.written / count)
-        if not watch.ended or bpy.app.is_job_running("RENDER"):
-            return {"RUNNING_MODAL"}
-        end_modal(self, context)
-        watch.close()
-        self._give_back()
-        if watch.cancelled:
-            self.report({"WARNING"}, "Rendering stopped; the strip is as it was")
-            return {"CANCELLED"}
-        try:
-            show_in_sequencer(bpy.data.scenes[self._job.scene_name], self._job)
-        except PlayableEnvironmentError as error:
-            return failed(self, error)
-        _show_edit_scene(context, bpy.data.scenes[self._job.scene_name])
+        context.scene.render.use_sequencer = False
         return {"FINISHED"}
 
 
-def _show_edit_scene(context: bpy.types.Context, scene: bpy.types.Scene) -> None:
+def show_in_sequencer(
+    operator: bpy.types.Operator, context: bpy.types.Context, job: RangeJob, outcome: Outcome
+) -> bpy.types.Strip:
+    """Put a finished job's files into the scene's strip, and say what looks different there."""
+    scene = source_of(job)
+    strips, target = scene.playable_environment.strips, target_of(scene)
+    plan = StripPlan(
+        job.id,
+        scene.name,
+        job.files,
+        job.frame_start + strips.frame_offset,
+        strips.channel,
+        _provenance(scene, job) if outcome.drawn else None,
+    )
+    strip = place_strip(target, plan)
+    leave_sequencer_out(target)
+    for warning in target_warnings(scene, target):
+        operator.report({"WARNING"}, warning)
     # Since 5.0 a sequencer editor shows the workspace's scene, and none is chosen at first.
     if getattr(context.workspace, "sequencer_scene", scene) is None:
-        context.workspace.sequencer_scene = scene.playable_environment.edit_scene
+        context.workspace.sequencer_scene = target
+    return strip
 
 
-CLASSES = (PLAYABLE_OT_render_to_sequencer,)
+def _provenance(scene: bpy.types.Scene, job: RangeJob) -> Provenance:
+    facts = session.facts(model_path(scene.playable_environment.model))
+    return provenance_of(scene, job, facts, pe_runtime.__version__)
+
+
+def _can_render(operator: type, scene: bpy.types.Scene) -> bool:
+    baked = scene.playable_environment.bake_text is not None
+    if not allowed(operator, baked, "Bake paths first"):
+        return False
+    busy = bpy.app.is_job_running("RENDER")
+    return allowed(operator, not busy, "Wait until Blender has rendered, or stop it with Esc")
+
+
+CLASSES = (
+    PLAYABLE_OT_render_to_sequencer,
+    PLAYABLE_OT_render_range,
+    PLAYABLE_OT_overwrite_frames,
+    PLAYABLE_OT_leave_sequencer_out,
+)
 
 
 def register() -> None:
-    """Register the operator."""
+    """Register the operators."""
     for each in CLASSES:
         bpy.utils.register_class(each)
 

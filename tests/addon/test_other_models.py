@@ -12,7 +12,6 @@ bpy = pytest.importorskip("bpy")
 from blender_addon import playables  # noqa: E402 - after the check for Blender
 from blender_addon.bake import bake_of  # noqa: E402
 from blender_addon.fcurves import curves_of  # noqa: E402
-from blender_addon.range_render import job_for, lent_settings  # noqa: E402
 from blender_addon.scene_bridge import (  # noqa: E402
     action_names,
     look_through,
@@ -22,6 +21,8 @@ from blender_addon.scene_bridge import (  # noqa: E402
     wanted_passes,
 )
 from blender_addon.settings import action_items  # noqa: E402
+from blender_addon.strips.job import job_for  # noqa: E402
+from blender_addon.strips.lending import lent_settings  # noqa: E402
 from blender_addon.volumes import VOLUME_KEY  # noqa: E402
 from pe_runtime.images import write_png  # noqa: E402
 from pe_runtime.worker.fake_world import GROUND, MODELS, PLAYER  # noqa: E402

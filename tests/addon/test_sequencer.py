@@ -8,9 +8,13 @@ from addon.stage import faulty, read_png
 
 bpy = pytest.importorskip("bpy")
 from blender_addon import playables  # noqa: E402 - after the check for Blender
-from blender_addon.range_render import job_for, lent_settings  # noqa: E402
 from blender_addon.scene_bridge import playable_objects  # noqa: E402
-from blender_addon.sequencer import JOB_KEY, StripPlan, place_strip, span, write_video  # noqa: E402
+from blender_addon.strips.job import job_for  # noqa: E402
+from blender_addon.strips.lending import lent_settings  # noqa: E402
+from blender_addon.strips.placing import StripPlan, place_strip  # noqa: E402
+from blender_addon.strips.provenance import JOB_KEY  # noqa: E402
+from blender_addon.strips.timing import span  # noqa: E402
+from blender_addon.strips.video import write_video  # noqa: E402
 from pe_runtime.contract.errors import ShotError  # noqa: E402
 
 pytestmark = pytest.mark.blender
@@ -60,7 +64,7 @@ def numbered_files(folder, count, name="a"):
 def test_the_range_becomes_files_and_one_strip_in_the_edit_scene(baked, tmp_path):
     baked.render.filepath = "//untouched"
     bpy.ops.playable.render_to_sequencer(folder=str(tmp_path / "frames"))
-    files = sorted((tmp_path / "frames").iterdir())
+    files = sorted((tmp_path / "frames").glob("*.png"))
     assert [file.name for file in files] == [f"frame_{n:04d}.png" for n in range(1, 5)]
     (strip,) = strips_of(baked)
     assert [element.filename for element in strip.elements] == [file.name for file in files]

@@ -1,0 +1,157 @@
+"""Which frames have to be drawn, and which are on disk as the scene wants them. No `bpy` here."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pe_runtime.contract.errors import ShotError
+from pe_runtime.contract.messages import Message
+from pe_runtime.contract.shot import Shot
+
+from ..session import session
+from ..worker_client import OnProgress, ShouldStop
+from .job import RangeJob
+from .manifest import FILE_NAME, FrameNote, Manifest, read_manifest
+from .whole_files import check_png, facts_of
+
+
+@dataclass(frozen=True)
+class Wish:
+    """What a scene asks of a job.
+
+    Attributes:
+        job: The frames and their folder.
+        whole: The baked shot that is predicted.
+        takes: Per frame the shot of that frame alone.
+        settings: Text of everything beside the takes that decides the files' bytes.
+        size: Width and height of the files, pixels.
+        unknowable: Why nobody can tell whether a frame has changed; empty where one can.
+        everything: Draw frames too that are there already.
+        overwrite: Replace files too that this job has not written.
+    """
+
+    job: RangeJob
+    whole: Shot
+    takes: Sequence[Shot]
+    settings: str
+    size: tuple[int, int]
+    unknowable: str = ""
+    everything: bool = False
+    overwrite: bool = False
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a job does.
+
+    Attributes:
+        drawn: Frames to draw, in order.
+        digests: Per frame the digest of everything that decides its file.
+        size: Width and height of the files, pixels.
+        warnings: What the artist should know.
+    """
+
+    drawn: tuple[int, ...]
+    digests: Mapping[int, str]
+    size: tuple[int, int]
+    warnings: tuple[str, ...] = field(default=())
+
+
+class ForeignFilesError(ShotError):
+    """Files that the job has not written stand where its frames belong.
+
+    Attributes:
+        count: How many.
+    """
+
+    def __init__(self, foreign: Sequence[Path]) -> None:
+        self.count = len(foreign)
+        super().__init__(
+            f"{len(foreign)} of the files were not written by this job or were changed since, "
+            f"first {foreign[0]}; choose another frames folder, or allow overwriting"
+        )
+
+
+def plan_job(wish: Wish, should_stop: ShouldStop, on_progress: OnProgress) -> Plan:
+    """Compare what the scene asks for with what is on disk; talks to the worker, so it takes time.
+
+    Raises:
+        ForeignFilesError: Files would be lost that this job has not written.
+        WorkerError: The worker fails, for example because the model is missing.
+    """
+    wanted = _asked_digests(wish, should_stop, on_progress)
+    manifest = read_manifest(wish.job.folder)
+    drawn, foreign = [], []
+    for done, frame in enumerate(wish.job.frames):
+        on_progress("comparing", done, len(wish.job.frames))
+        path = wish.job.file(frame)
+        note = manifest.frames.get(frame)
+        content = path.read_bytes() if path.is_file() else None
+        is_foreign = content is not None and not _is_ours(content, note, wish.job.id)
+        foreign += [path] if is_foreign else []
+        same = content is not None and _shows(content, note, wanted.get(frame), wish.size, path)
+        if wish.everything or is_foreign or not same:
+            drawn.append(frame)
+    if foreign and not wish.overwrite:
+        raise ForeignFilesError(foreign)
+    return Plan(tuple(drawn), wanted, wish.size, _warnings(wish, manifest))
+
+
+def foreign_files(job: RangeJob) -> list[Path]:
+    """Files in the job's way that it has not written, found without reading them."""
+    notes = read_manifest(job.folder).frames
+    ours = {frame for frame, note in notes.items() if note.job == job.id}
+    return [job.file(n) for n in job.frames if n not in ours and job.file(n).exists()]
+
+
+def _asked_digests(wish: Wish, should_stop: ShouldStop, on_progress: OnProgress) -> dict[int, str]:
+    if wish.unknowable:
+        session.facts(wish.whole.model, should_stop)
+        return {}
+    found: dict[int, str] = {}
+    on_progress("asking the worker", 0, len(wish.takes))
+    for take in wish.takes:
+        found |= _digest(take, wish.whole, should_stop)
+        on_progress("asking the worker", len(found), len(wish.takes))
+    return {frame: _sealed(each, wish.settings) for frame, each in found.items()}
+
+
+def _digest(take: Shot, whole: Shot, should_stop: ShouldStop) -> dict[int, str]:
+    with session.conversation(whole.model, should_stop) as (client, stop):
+        client.prepare(whole, stop)
+        request = Message("digests", {"shot": take.as_dict(), "take": True})
+        found = client.ask(request, stop).fields["digests"]
+    return {int(frame): each for frame, each in found.items()}
+
+
+def _sealed(digest: str, settings: str) -> str:
+    return hashlib.sha256(f"{digest}\n{settings}".encode()).hexdigest()
+
+
+def _is_ours(content: bytes, note: FrameNote | None, job: str) -> bool:
+    if note is None or note.job != job:
+        return False
+    return note.file is None or note.file == facts_of(content)
+
+
+def _shows(
+    content: bytes, note: FrameNote | None, digest: str | None, size: tuple[int, int], path: Path
+) -> bool:
+    """Whether a file is the very one that would be drawn."""
+    if not digest or note is None or note.file is None or note.digest != digest:
+        return False
+    try:
+        check_png(content, size, path)
+    except ShotError:
+        return False
+    return True
+
+
+def _warnings(wish: Wish, manifest: Manifest) -> tuple[str, ...]:
+    said = []
+    if manifest.warning:
+        said.append(f"{manifest.warning}; it is kept as {FILE_NAME}.unreadable")
+    if wish.unknowable:
+        said.append(f"{wish.unknowable}, so all frames are rendered")
+    return tuple(said)
