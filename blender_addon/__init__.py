@@ -6,9 +6,19 @@ Importing this package is cheap and needs no Blender; `register()` loads the par
 
 def _parts() -> tuple:
     """The modules that register something, in an order in which each finds its predecessors."""
-    from . import engine, framing, installing, overlay, playing, session, settings, strips
+    from . import (
+        engine,
+        exact_colours,
+        framing,
+        installing,
+        overlay,
+        playing,
+        session,
+        settings,
+        strips,
+    )
 
-    return settings, session, installing, engine, framing, playing, overlay, strips
+    return settings, session, installing, exact_colours, engine, framing, playing, overlay, strips
 
 
 def register() -> None:

@@ -5,25 +5,30 @@ here and nothing in the scene is written. Whatever goes wrong ends in `report({"
 other way out of `render` makes Blender save a black frame and carry on.
 """
 
+import dataclasses
 from collections.abc import Iterator
 from contextlib import suppress
 
 import bpy
-import numpy as np
 
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
-from pe_runtime.contract.shot import DEPTH_PASS, MASK_PASS_PREFIX, Shot
+from pe_runtime.contract.shot import Region, Shot
 
 from .bake import Bake, Output, bake_of, take_as_baked, take_of_moment
-from .pixels import PassMemory, Window, colour_changes, memory_for
+from .exact_colours import all_colour_changes
+from .frame_watch import FrameWatch, place_in_range
+from .pace import pace
+from .pixels import memory_for
+from .range_stop import stop_reasons
+from .render_border import border_of
+from .render_passes import COMBINED, blender_pass, pass_numbers
 from .replies import RenderedFrame, WorkerCancelledError
 from .scene_bridge import frames_per_second, read_moment, wanted_passes
 from .session import session
 
-DEPTH = "Depth"
-MASK_PREFIX = "Mask "
 # Shared by name, but all they show are passes and filters of Blender's own engines.
 FOREIGN_PANELS = ("VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes")
+LAST_WORDS = "\nThe worker's last words:\n"
 
 
 class PlayableEnvironmentEngine(bpy.types.RenderEngine):
@@ -36,13 +41,13 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
     bl_use_eevee_viewport = True
 
     def update_render_passes(self, scene: bpy.types.Scene, layer: bpy.types.ViewLayer) -> None:
-        """Declare Combined, and Depth and masks where they are switched on."""
-        self.register_pass(scene, layer, "Combined", 4, "RGBA", "COLOR")
+        """Declare Combined and whatever else is switched on."""
+        self.register_pass(scene, layer, COMBINED, 4, "RGBA", "COLOR")
         # Two objects of one name stop the render, where the error can be reported.
         with suppress(ShotError):
-            for name in wanted_passes(scene, layer):
-                channel = "Z" if name == DEPTH_PASS else "X"
-                self.register_pass(scene, layer, _blender_name(name), 1, channel, "VALUE")
+            for each in map(blender_pass, wanted_passes(scene, layer)):
+                count = len(each.channels)
+                self.register_pass(scene, layer, each.name, count, each.channels, each.kind)
 
     def render(self, depsgraph: bpy.types.Depsgraph) -> None:
         """Draw the frame that the dependency graph was evaluated at."""
@@ -52,27 +57,49 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
             self._film(depsgraph)
         except WorkerCancelledError:
             if not self.test_break():
-                self.report({"ERROR"}, f"Playable Environment: frame {frame} was cancelled")
+                self._fail(frame, "it was cancelled; render again")
         except PlayableEnvironmentError as error:
-            self.report({"ERROR"}, f"Playable Environment: frame {frame}: {error}")
+            self._fail(frame, one_line(str(error)))
         # Anything that escapes, even Ctrl-C, would become a black frame and a success.
         except BaseException as error:  # noqa: BLE001
-            text = f"{type(error).__name__}: {error}"
-            self.report({"ERROR"}, f"Playable Environment: frame {frame}: {text}")
+            self._fail(frame, one_line(f"{type(error).__name__}: {error}"))
+
+    def _fail(self, frame: int, reason: str) -> None:
+        self.report({"ERROR"}, f"Playable Environment: frame {frame}: {reason}")
 
     def _film(self, depsgraph: bpy.types.Depsgraph) -> None:
         scene = depsgraph.scene
+        if (reason := stop_reasons.get(scene.name)) is not None:
+            raise ShotError(reason)
         if scene.render.use_multiview:
             raise ShotError("stereoscopy is on, but the engine draws one view; switch it off")
-        settings = scene.playable_environment
-        bake = bake_of(settings)
-        moment = read_moment(depsgraph)
-        passes = wanted_passes(scene, depsgraph.view_layer)
-        output = Output(moment.camera.width, moment.camera.height, settings.quality, passes)
+        bake, moment = bake_of(scene.playable_environment), read_moment(depsgraph)
+        output = Output(
+            moment.camera.width,
+            moment.camera.height,
+            scene.playable_environment.quality,
+            wanted_passes(scene, depsgraph.view_layer),
+        )
+        region = self._region(scene)
         take = take_of_moment(bake, moment, frames_per_second(scene), output)
-        drawn = session.render(take, moment.frame, self.test_break, bake.shot)
+        watch = self._watch(scene, take)
+        drawn = session.render(_only(take, region), moment.frame, watch, bake.shot)
+        watch.finish()
         self._look_ahead(scene, bake, take, output)
-        self._hand_over(drawn, scene.render, moment.scale)
+        self._hand_over(drawn, moment.scale)
+
+    def _region(self, scene: bpy.types.Scene) -> Region | None:
+        """The part of the frame that is rendered; None for all of it."""
+        if (border := border_of(scene.render)) is None:
+            return None
+        return border.region(self.resolution_x, self.resolution_y)
+
+    def _watch(self, scene: bpy.types.Scene, take: Shot) -> FrameWatch:
+        frames = range(scene.frame_start, scene.frame_end + 1, scene.frame_step)
+        kind = scene.name, take.model, self.resolution_x, self.resolution_y, take.quality
+        kind += take.passes, border_of(scene.render)
+        place = place_in_range(kind, take.frame_start, frames, self.is_animation)
+        return FrameWatch(self, place, pace, lambda: session.doing)
 
     def _look_ahead(self, scene: bpy.types.Scene, bake: Bake, take: Shot, output: Output) -> None:
         """Have the next frame drawn while Blender saves this one, if both are as baked."""
@@ -83,24 +110,21 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
         if not comes_next or following > scene.frame_end or following not in bake.shot.frames:
             return
         if take == take_as_baked(bake, take.frame_start, output):
-            session.foresee(take_as_baked(bake, following, output), following, bake.shot)
+            ahead = _only(take_as_baked(bake, following, output), self._region(scene))
+            session.foresee(ahead, following, bake.shot, self.test_break)
 
-    def _hand_over(
-        self, drawn: RenderedFrame, render: bpy.types.RenderSettings, scale: float
-    ) -> None:
-        """Give Blender the picture, or the part of it inside the render border."""
-        width, height = self.resolution_x, self.resolution_y
+    def _hand_over(self, drawn: RenderedFrame, scale: float) -> None:
+        """Give Blender the picture and the passes."""
+        result = self.begin_result(0, 0, self.resolution_x, self.resolution_y)
+        width, height = result.resolution_x, result.resolution_y
         if drawn.rgb.shape != (height, width, 3):
+            self.end_result(result, cancel=True)
             raise ShotError(
                 f"expected a picture of {width}x{height} pixels from the worker, found an array "
                 f"of shape {drawn.rgb.shape}"
             )
-        left = int(render.border_min_x * width) if render.use_border else 0
-        bottom = int(render.border_min_y * height) if render.use_border else 0
-        result = self.begin_result(0, 0, width, height)
-        window = Window(left, bottom, result.resolution_x, result.resolution_y)
         targets = result.layers[0].passes
-        for name, numbers in _pass_numbers(drawn, memory_for(window), scale):
+        for name, numbers in pass_numbers(drawn, memory_for(width, height), scale):
             if (target := targets.get(name)) is not None:
                 target.rect.foreach_set(numbers)
         self.end_result(result)
@@ -108,7 +132,7 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
     def _warn_of_colours(self, scene: bpy.types.Scene) -> None:
         if self.is_animation and scene.frame_current != scene.frame_start:
             return
-        if changes := colour_changes(scene):
+        if changes := all_colour_changes(scene):
             self.report(
                 {"WARNING"},
                 "Playable Environment: saved pixels will differ from the model's: "
@@ -116,20 +140,17 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
             )
 
 
-def _blender_name(name: str) -> str:
-    """What Blender calls a pass of a Shot."""
-    return DEPTH if name == DEPTH_PASS else MASK_PREFIX + name.removeprefix(MASK_PASS_PREFIX)
+def one_line(text: str) -> str:
+    """A message for a log that is read line by line; of a worker's last words the very last."""
+    said, _, words = text.partition(LAST_WORDS)
+    last = next((line for line in reversed(words.splitlines()) if line.strip()), "")
+    line = " ".join(said.split())
+    return f"{line}; its last words: {' '.join(last.split())}" if last else line
 
 
-def _pass_numbers(
-    drawn: RenderedFrame, memory: PassMemory, scale: float
-) -> Iterator[tuple[str, np.ndarray]]:
-    """The numbers of every pass that was drawn; each is gone when the next one comes."""
-    yield "Combined", memory.combined(drawn.rgb)
-    if drawn.depth is not None:
-        yield DEPTH, memory.depth(drawn.depth, scale)
-    for name, mask in drawn.masks.items():
-        yield f"{MASK_PREFIX}{name}", memory.values(mask)
+def _only(take: Shot, region: Region | None) -> Shot:
+    """The part of a take that is seen through the render border."""
+    return take if region is None else dataclasses.replace(take, region=region)
 
 
 def _panels_for_all_engines() -> Iterator[type]:

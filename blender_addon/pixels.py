@@ -4,7 +4,6 @@ Blender wants scene-linear rows from the bottom up and applies the scene's view 
 saves. With `use_exact_colours` the two steps cancel and the PNG holds the worker's own bytes.
 """
 
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -17,6 +16,13 @@ EXACT_VIEW = {
     "exposure": 0.0,
     "gamma": 1.0,
     "use_curve_mapping": False,
+}
+VIEW_LABELS = {
+    "view_transform": "View Transform",
+    "look": "Look",
+    "exposure": "Exposure",
+    "gamma": "Gamma",
+    "use_curve_mapping": "Use Curves",
 }
 
 
@@ -36,52 +42,42 @@ def _linear_of_pairs() -> np.ndarray:
 _LINEAR_OF_PAIR = _linear_of_pairs()
 
 
-@dataclass(frozen=True)
-class Window:
-    """The part of a picture that a render pass takes, in pixels.
-
-    Attributes:
-        left: First column.
-        bottom: First row, counted from the bottom.
-        width: Columns.
-        height: Rows.
-    """
-
-    left: int
-    bottom: int
-    width: int
-    height: int
-
-    def of(self, image: np.ndarray) -> np.ndarray:
-        """The part of (rows, columns, ...), top row first, as a view from the bottom row up."""
-        rows = slice(self.bottom, self.bottom + self.height)
-        return image[::-1][rows, self.left : self.left + self.width]
-
-
 class PassMemory:
     """Where pictures become the numbers of render passes, one after the other.
 
-    Every result is flat float32 in the same memory: hand it over before asking for the next. Fresh
-    memory for each frame would cost more than the conversion.
+    Every result is flat float32 in the same memory, rows from the bottom up: hand it over before
+    asking for the next. Fresh memory for each frame would cost more than the conversion.
 
     Args:
-        window: The part of the pictures that is taken.
+        width: Columns of the pictures.
+        height: Rows of the pictures.
     """
 
-    def __init__(self, window: Window) -> None:
-        self._window = window
-        self._opaque = np.full((window.height, window.width, 4), 255, np.uint8)
-        self._pairs = np.empty((window.height, window.width * 2), np.float64)
+    def __init__(self, width: int, height: int) -> None:
+        self._opaque = np.full((height, width, 4), 255, np.uint8)
+        self._pairs = np.empty((height, width * 2), np.float64)
 
     def combined(self, rgb: np.ndarray) -> np.ndarray:
         """Scene-linear RGBA of opaque sRGB bytes (height, width, 3), top row first."""
-        part = self._window.of(rgb)
         for channel in range(3):
-            self._opaque[..., channel] = part[..., channel]
+            self._opaque[..., channel] = rgb[::-1, :, channel]
         pairs = self._opaque.reshape(len(self._opaque), -1).view(np.uint16)
         # No pair of bytes is out of range: "clip" only spares the look.
         _LINEAR_OF_PAIR.take(pairs, mode="clip", out=self._pairs)
         return self._pairs.ravel().view(np.float32)
+
+    def layer(self, rgba: np.ndarray) -> np.ndarray:
+        """Scene-linear RGBA, multiplied by its alpha, of sRGB bytes with straight alpha.
+
+        Args:
+            rgba: (height, width, 4) uint8, top row first.
+        """
+        numbers = self.combined(rgba[..., :3])
+        colours = numbers.reshape(*self._opaque.shape)
+        colours[..., 3] = rgba[::-1, :, 3]
+        colours[..., 3] /= np.float32(255)
+        colours[..., :3] *= colours[..., 3:]
+        return numbers
 
     def values(self, image: np.ndarray) -> np.ndarray:
         """Numbers (height, width), top row first, unchanged."""
@@ -100,20 +96,20 @@ class PassMemory:
         return numbers
 
     def _copied(self, image: np.ndarray) -> np.ndarray:
-        part = self._window.of(image)
-        numbers = self._pairs.ravel().view(np.float32)[: part.size]
-        numbers.reshape(part.shape)[:] = part
+        numbers = self._pairs.ravel().view(np.float32)[: image.size]
+        numbers.reshape(image.shape)[:] = image[::-1]
         return numbers
 
 
 @lru_cache(maxsize=2)
-def memory_for(window: Window) -> PassMemory:
-    """The memory for a window's passes, kept from frame to frame."""
-    return PassMemory(window)
+def memory_for(width: int, height: int) -> PassMemory:
+    """The memory for passes of a size, kept from frame to frame."""
+    return PassMemory(width, height)
 
 
 def use_exact_colours(scene: object) -> None:
     """Set a scene's colour management so that rendered sRGB bytes are saved unchanged."""
+    scene.render.image_settings.color_management = "FOLLOW_SCENE"
     scene.display_settings.display_device = "sRGB"
     for name, value in EXACT_VIEW.items():
         setattr(scene.view_settings, name, value)
@@ -131,16 +127,22 @@ def colour_changes(scene: object) -> list[str]:
     overridden = output.color_management == "OVERRIDE"
     place = output if overridden else scene
     view, display = place.view_settings, place.display_settings.display_device
-    found = {name: getattr(view, name) for name in EXACT_VIEW}
     changes = [
-        f"{name} is {found[name]!r} instead of {value!r}"
+        f"{VIEW_LABELS[name]} is {_shown(getattr(view, name))}, not {_shown(value)}"
         for name, value in EXACT_VIEW.items()
-        if found[name] != value
+        if getattr(view, name) != value
     ]
     if getattr(view, "use_white_balance", False):
-        changes.append("white balance is on")
+        changes.append("White Balance is on")
     if display != "sRGB":
-        changes.append(f"display is {display!r} instead of 'sRGB'")
+        changes.append(f"Display Device is {display}, not sRGB")
     if scene.render.dither_intensity > 0:
-        changes.append(f"dither is {scene.render.dither_intensity:g} instead of 0")
+        changes.append(f"Dither is {scene.render.dither_intensity:g}, not 0")
     return changes
+
+
+def _shown(value: object) -> str:
+    """A setting as Blender's panels show it."""
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    return value if isinstance(value, str) else f"{value:g}"

@@ -4,6 +4,7 @@ Several threads may ask (the render job, the preview, operators); one request ru
 """
 
 import atexit
+import os
 import sys
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -19,10 +20,12 @@ from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
 
 from .replies import PredictedPaths, RenderedFrame, WorkerCancelledError
+from .runtime_python import Places, wanted_python
 from .turns import Turns
 from .worker_client import OnProgress, ShouldStop, WorkerClient, worker_command
 
 STOPPED, STARTING, READY, BUSY, FAILED = "stopped", "starting", "ready", "busy", "failed"
+PREDICTING = "Predicting the paths"
 CLOSE_SECONDS = 5.0
 PROMISE_SECONDS = 10.0
 """How long a yielding caller leaves alone what was begun for somebody else."""
@@ -37,11 +40,16 @@ class Session:
     Attributes:
         status: One of `stopped starting ready busy failed`.
         error: The message of the last failure, empty when all is well.
+        doing: In words what the worker does before it can draw, empty while it draws or waits.
+        places: Where the runtime may be.
+        arguments: What workers in it are started with.
     """
 
     def __init__(self) -> None:
         self.status = STOPPED
         self.error = ""
+        self.doing = ""
+        self.places, self.arguments = Places(own=sys.executable), ()
         self._command: list[str] | None = None
         self._client: WorkerClient | None = None
         self._facts: dict[str, ModelFacts] = {}
@@ -55,6 +63,17 @@ class Session:
         """Process number of the live worker, if there is one."""
         client = self._client
         return client.pid if client and client.alive else None
+
+    @property
+    def device(self) -> str:
+        """What the loaded model computes on, such as `cpu`; empty before one is loaded."""
+        facts = self._facts.get(self._loaded)
+        return facts.device if facts else ""
+
+    @property
+    def has_command(self) -> bool:
+        """Whether somebody said what to start, so that no runtime is looked for."""
+        return self._command is not None
 
     def use_command(self, command: Sequence[str] | None) -> None:
         """Start workers with this command from now on; None means: none is known."""
@@ -79,6 +98,7 @@ class Session:
     ) -> dict[str, Any]:
         """Encode a picture; see `WorkerClient.encode`."""
         with self.conversation(model, should_stop, yielding) as (client, stop):
+            self.doing = "Encoding the picture"
             return client.encode(image, camera, boxes, stop)
 
     def rollout(
@@ -90,6 +110,7 @@ class Session:
     ) -> PredictedPaths:
         """Predict paths; see `WorkerClient.rollout`."""
         with self.conversation(shot.model, should_stop, yielding) as (client, stop):
+            self.doing = PREDICTING
             return client.rollout(shot, stop, on_progress)
 
     def render(
@@ -102,12 +123,18 @@ class Session:
     ) -> RenderedFrame:
         """Draw one frame; see `WorkerClient.render`."""
         with self.conversation(shot.model, should_stop, yielding) as (client, stop):
+            if whole is not None:
+                self.doing = PREDICTING
+                client.prepare(whole, stop)
+            self.doing = ""
             return client.render(shot, frame, stop, whole)
 
-    def foresee(self, take: Shot, frame: int, whole: Shot) -> None:
+    def foresee(
+        self, take: Shot, frame: int, whole: Shot, should_stop: ShouldStop | None = None
+    ) -> None:
         """Have a frame begun that is likely to come next; see `WorkerClient.foresee`."""
         # Nobody waits for it: what is wrong is said when the frame itself is asked for.
-        with suppress(WorkerError), self.conversation(take.model) as (client, _):
+        with suppress(WorkerError), self.conversation(take.model, should_stop) as (client, _):
             client.foresee(take, frame, whole)
             self._promised_at = time.monotonic()
 
@@ -170,6 +197,8 @@ class Session:
             except BaseException as error:  # the status has to tell of every way out
                 self._note(error)
                 raise
+            finally:
+                self.doing = ""
 
     def _unless_closing(self, should_stop: ShouldStop | None) -> ShouldStop:
         return lambda: bool(self._closing) or (should_stop is not None and should_stop())
@@ -184,12 +213,12 @@ class Session:
             self._end_what_was_cancelled(self._client, stop)
         if self._client is None or not self._client.alive:
             self._forget()
-            self.status = STARTING
+            self.status, self.doing = STARTING, "Starting the runtime"
             # Who waits needs a started worker too: only the caller's own wish ends the start.
             self._client = WorkerClient(self._command or default_command(), should_stop=own_wish)
         if self._loaded != model:
             self._loaded = ""
-            self.status = STARTING
+            self.status, self.doing = STARTING, "Loading the model"
             self._facts[model] = self._client.load(model, stop)
             self._loaded = model
         return self._client
@@ -223,26 +252,19 @@ session = Session()
 
 
 def default_command() -> list[str]:
-    """A worker in this very Python, where that is a Python and not Blender's own.
+    """A worker in the Python that has the runtime, see `find_python`.
 
     Raises:
-        WorkerError: Nobody has said which Python has the runtime.
+        WorkerError: Nobody has said which one that is.
     """
-    runs_in_blender = "bpy" in sys.modules and bool(sys.modules["bpy"].app.binary_path)
-    if runs_in_blender:
-        raise WorkerError(
-            "no runtime is set; in the add-on's preferences choose a Python that has "
-            "playable-environments installed"
-        )
-    return worker_command(sys.executable)
+    found = wanted_python(session.places, os.environ)
+    return worker_command(found.python, session.arguments)
 
 
-def use_python(python: str, arguments: Sequence[str] = ()) -> None:
-    """Start workers with this Python from now on; an empty path means this one."""
-    if not python and not arguments:
-        session.use_command(None)
-    else:
-        session.use_command(worker_command(python or sys.executable, arguments))
+def use_runtime(places: Places, arguments: Sequence[str] = ()) -> None:
+    """Start workers from now on with the Python that is found there then."""
+    session.use_command(None)
+    session.places, session.arguments = places, tuple(arguments)
 
 
 def register() -> None:

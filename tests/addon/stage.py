@@ -52,3 +52,16 @@ def shot_of(image, frames=4, **changes):
 def read_png(path):
     """The (height, width, 3) bytes of a file, as another program than Blender reads them."""
     return np.asarray(oiio.ImageInput.open(str(path)).read_image(oiio.UINT8))[..., :3]
+
+
+def exr_channels(path):
+    """Channel arrays by `Pass.Channel`, over all parts of the file."""
+    found, source = {}, oiio.ImageInput.open(str(path))
+    part = 0
+    while source.seek_subimage(part, 0):
+        pixels = source.read_image(part, 0, 0, source.spec().nchannels, oiio.FLOAT)
+        for index, name in enumerate(source.spec().channelnames):
+            found[".".join(name.split(".")[-2:])] = pixels[..., index]
+        part += 1
+    source.close()
+    return found

@@ -137,8 +137,8 @@ class TestInBlender:
         monkeypatch.setattr(
             Session,
             "foresee",
-            lambda self, take, frame, whole: (
-                frames.append(frame) or foresee(self, take, frame, whole)
+            lambda self, take, frame, *rest: (
+                frames.append(frame) or foresee(self, take, frame, *rest)
             ),
         )
         return frames

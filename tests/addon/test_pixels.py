@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from blender_addon.pixels import FAR_AWAY, PassMemory, Window, memory_for
+from blender_addon.pixels import FAR_AWAY, PassMemory, memory_for
 
 
 def linear(encoded):
@@ -12,40 +12,65 @@ def linear(encoded):
     return np.float32(low if encoded <= 0.04045 else high)
 
 
-def naive_combined(rgb, window):
+def naive_combined(rgb):
     """Row after row from the bottom up, one number after the other."""
-    height = rgb.shape[0]
     numbers = []
-    for row in range(window.bottom, window.bottom + window.height):
-        for pixel in rgb[height - 1 - row, window.left : window.left + window.width]:
-            numbers += [*(linear(byte / 255) for byte in pixel.tolist()), np.float32(1)]
+    for row in reversed(rgb.tolist()):
+        for pixel in row:
+            numbers += [*(linear(byte / 255) for byte in pixel), np.float32(1)]
     return np.array(numbers, np.float32)
 
 
-@pytest.mark.parametrize("window", [Window(0, 0, 9, 32), Window(2, 5, 3, 11), Window(8, 31, 1, 1)])
-def test_every_byte_becomes_the_very_number_of_the_srgb_curve(window):
-    rgb = np.random.default_rng(0).permutation(np.arange(32 * 9 * 3) % 256).reshape(32, 9, 3)
-    rgb = rgb.astype(np.uint8)
-    assert set(rgb.ravel()) == set(range(256))
-    numbers = PassMemory(window).combined(rgb)
+def naive_layer(rgba):
+    """The same of straight alpha, multiplied by it."""
+    numbers = []
+    for row in reversed(rgba.tolist()):
+        for *colour, alpha in row:
+            share = np.float32(alpha) / np.float32(255)
+            numbers += [*(linear(byte / 255) * share for byte in colour), share]
+    return np.array(numbers, np.float32)
+
+
+def random_bytes(shape):
+    values = np.random.default_rng(0).permutation(np.arange(np.prod(shape)) % 256)
+    assert set(values.tolist()) == set(range(256))
+    return values.reshape(shape).astype(np.uint8)
+
+
+@pytest.mark.parametrize("size", [(32, 9), (11, 31), (1, 256)])
+def test_every_byte_becomes_the_very_number_of_the_srgb_curve(size):
+    rgb = random_bytes((*size, 3))
+    numbers = PassMemory(size[1], size[0]).combined(rgb)
     assert numbers.dtype == np.float32 and numbers.flags.c_contiguous and numbers.ndim == 1
-    assert numbers.tobytes() == naive_combined(rgb, window).tobytes()
+    assert numbers.tobytes() == naive_combined(rgb).tobytes()
+
+
+def test_a_single_pixel_has_numbers_too():
+    one = np.array([[[255, 0, 188]]], np.uint8)
+    assert PassMemory(1, 1).combined(one).tobytes() == naive_combined(one).tobytes()
+
+
+def test_layers_are_multiplied_by_their_alpha_and_leave_the_picture_opaque():
+    rgba = random_bytes((16, 17, 4))
+    rgba[0, 0] = 200, 100, 50, 0
+    memory = PassMemory(17, 16)
+    assert memory.layer(rgba).tobytes() == naive_layer(rgba).tobytes()
+    assert (memory.layer(rgba).reshape(16, 17, 4)[-1, 0] == 0).all()
+    rgb = random_bytes((16, 17, 3))
+    assert memory.combined(rgb).tobytes() == naive_combined(rgb).tobytes()
 
 
 def test_depth_is_scaled_and_nothing_is_far_away_and_masks_are_unchanged():
     depth = np.array([[1.5, np.inf, 3.0], [0.25, 7.0, np.inf]], "<f4")
-    memory = PassMemory(Window(0, 0, 3, 2))
+    memory = PassMemory(3, 2)
     assert memory.depth(depth, 2.0).tolist() == [0.5, 14.0, FAR_AWAY, 3.0, FAR_AWAY, 6.0]
     assert np.isinf(depth).sum() == 2
     assert memory.values(depth).tolist() == [0.25, 7.0, np.inf, 1.5, np.inf, 3.0]
-    part = PassMemory(Window(1, 0, 2, 1))
-    assert part.values(depth).tolist() == [7.0, np.inf]
 
 
 def test_memory_is_kept_from_frame_to_frame_and_leaves_nothing_of_the_last_one():
-    window = Window(0, 0, 4, 2)
-    memory = memory_for(window)
-    assert memory_for(Window(0, 0, 4, 2)) is memory
+    memory = memory_for(4, 2)
+    assert memory_for(4, 2) is memory
     first = memory.combined(np.full((2, 4, 3), 255, np.uint8))
     assert (first == 1).all()
     memory.values(np.full((2, 4), 9, np.float32))
