@@ -1,15 +1,20 @@
-"""Depth and masks are drawn where somebody has switched them on, and nowhere else."""
+"""Depth, masks, layers and the background are drawn where they are switched on, and only there."""
+
+import dataclasses
 
 import numpy as np
 import pytest
-from addon.stage import BOXES
+from addon.stage import BOXES, HEIGHT, WIDTH, exr_channels
 
 bpy = pytest.importorskip("bpy")
 from blender_addon import playables  # noqa: E402 - after the check for Blender
 from blender_addon.bake import bake_of  # noqa: E402
-from blender_addon.range_render import job_for, lent_settings  # noqa: E402
+from blender_addon.pixels import PassMemory  # noqa: E402
+from blender_addon.render_passes import blender_pass, layer_name, mask_name  # noqa: E402
 from blender_addon.scene_bridge import inverse_of, playable_objects, wanted_passes  # noqa: E402
 from blender_addon.session import Session  # noqa: E402
+from blender_addon.strips.job import job_for  # noqa: E402
+from blender_addon.strips.lending import lent_settings  # noqa: E402
 
 pytestmark = pytest.mark.blender
 
@@ -56,6 +61,19 @@ def test_depth_follows_the_view_layer_and_masks_follow_their_objects(environment
     assert asked == [("depth",), ("depth", "mask:player_2"), ("mask:player_2",)]
 
 
+def test_layers_follow_their_objects_and_the_background_follows_the_scene(environment, asked):
+    players = playable_objects(environment)
+    players["player_1"].playable.use_layer = True
+    bpy.ops.render.render(scene=environment.name)
+    environment.playable_environment.use_background = True
+    players["player_2"].playable.use_layer = players["player_2"].playable.use_mask = True
+    bpy.ops.render.render(scene=environment.name)
+    assert asked == [
+        ("layer:player_1",),
+        ("mask:player_2", "layer:player_1", "layer:player_2", "background"),
+    ]
+
+
 def test_each_view_layer_asks_for_its_own_depth(environment, asked):
     environment.view_layers.new("second").use_pass_z = True
     bpy.ops.render.render(scene=environment.name)
@@ -66,8 +84,40 @@ def test_compositor_nodes_are_offered_what_is_switched_on(environment):
     assert "Depth" not in offered(environment)
     environment.view_layers[0].use_pass_z = True
     for each in playable_objects(environment).values():
-        each.playable.use_mask = True
-    assert {"Depth", *(f"Mask {name}" for name in BOXES)} <= offered(environment)
+        each.playable.use_mask = each.playable.use_layer = True
+    environment.playable_environment.use_background = True
+    of_objects = {f"{kind} {name}" for kind in ("Mask", "Layer") for name in BOXES}
+    assert {"Depth", "Background", *of_objects} <= offered(environment)
+
+
+def test_layers_and_the_background_arrive_in_a_multilayer_exr(environment, asked, addon, tmp_path):
+    environment.playable_environment.use_background = True
+    playable_objects(environment)["player_1"].playable.use_layer = True
+    output = environment.render.image_settings
+    if hasattr(output, "media_type"):
+        output.media_type = "MULTI_LAYER_IMAGE"
+    output.file_format, output.color_depth = "OPEN_EXR_MULTILAYER", "32"
+    environment.render.filepath = str(tmp_path / "passes.exr")
+    bpy.ops.render.render(write_still=True, scene=environment.name)
+    channels = exr_channels(tmp_path / "passes.exr")
+    passes = ("layer:player_1", "background")
+    shot = dataclasses.replace(bake_of(environment.playable_environment).shot, passes=passes)
+    drawn = addon.render(shot, 1)
+    memory = PassMemory(WIDTH, HEIGHT)
+    for name, numbers in (
+        ("Layer player_1", memory.layer(drawn.layers["player_1"]).copy()),
+        ("Background", memory.combined(drawn.background)),
+    ):
+        expected = numbers.reshape(HEIGHT, WIDTH, 4)[::-1]
+        for index, channel in enumerate("RGBA"):
+            assert np.array_equal(channels[f"{name}.{channel}"], expected[..., index])
+    assert 0 < (channels["Layer player_1.A"] > 0).sum() < WIDTH * HEIGHT
+
+
+def test_a_pass_with_a_long_name_is_found_by_the_name_that_blender_leaves_of_it():
+    long = "Ä" * 60
+    assert mask_name(long) == "Mask " + "Ä" * 29
+    assert blender_pass(f"layer:{long}").name == layer_name(long) == "Layer " + "Ä" * 28
 
 
 def test_switches_survive_saving_also_while_a_range_is_rendered(environment, tmp_path):
