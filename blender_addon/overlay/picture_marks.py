@@ -34,6 +34,8 @@ FINE, OUTSIDE, IMPOSSIBLE = "fine", "outside", "impossible"
 COLOURS: Mapping[str, Colour] = {FINE: NEUTRAL, OUTSIDE: AMBER, IMPOSSIBLE: RED}
 FARTHEST = 1e4
 """Metres; a foot just under the horizon would stand at the end of the world."""
+WARNING_RANK, NAME_RANK, SCALE_RANK = 0, 1, 2
+"""Words about what is wrong come before plain names where there is no room for both."""
 CROSS = 0.012
 """Half the size of a point's cross, as a share of the picture's height."""
 
@@ -60,10 +62,12 @@ class GroundMark:
     """A point that the artist placed.
 
     Attributes:
+        name: As the list of points shows it.
         pixel: Where it is in the picture.
         ground: Where that is on the ground (x, y), metres.
     """
 
+    name: str
     pixel: tuple[float, float]
     ground: tuple[float, float]
 
@@ -80,6 +84,8 @@ class PictureView:
         marks: The artist's ground points.
         verdict: Of the camera, as of a box.
         warning: What is wrong with the camera.
+        is_known: Whether it is the camera that saw the picture, not only the one that one looks
+            through: without it nobody knows where the ground is.
     """
 
     camera: Camera
@@ -89,11 +95,12 @@ class PictureView:
     marks: tuple[GroundMark, ...] = ()
     verdict: str = FINE
     warning: str = ""
+    is_known: bool = True
 
 
 def ground_lines(view: PictureView) -> SceneLines:
     """The grid of the ground that the model knows, as far as it lies before the camera."""
-    if view.ground is None or not encloses(*view.ground):
+    if not view.is_known or view.ground is None or not encloses(*view.ground):
         return SceneLines()
     low, high = view.ground
     colour = COLOURS[view.verdict]
@@ -103,15 +110,19 @@ def ground_lines(view: PictureView) -> SceneLines:
 
 
 def box_lines(view: PictureView) -> SceneLines:
-    """Boxes with their names, and the reasons of those that are not fine."""
-    return joined(_one_box(view, each) for each in view.boxes)
+    """Boxes with their names, and the reasons why they or the camera are not fine."""
+    parts = [_one_box(view, each) for each in view.boxes]
+    if view.warning:
+        corner = unprojected(view.camera, np.zeros(2), _usual_depth(view))
+        parts.append(label(corner, view.warning, COLOURS[view.verdict], WARNING_RANK))
+    return joined(parts)
 
 
 def standing_lines(view: PictureView) -> SceneLines:
     """The volumes of the players where the feet of their boxes meet the ground."""
     parts = []
     for each in view.boxes:
-        foot, volume = standing_at(view.camera, each.box), view.volumes.get(each.name)
+        foot, volume = _standing(view, each), view.volumes.get(each.name)
         if foot is not None and volume is not None:
             edges = in_front(view.camera, volume_edges(volume, foot))
             parts.append(strokes(edges, faded(COLOURS[each.verdict], 0.6), 1.5))
@@ -121,7 +132,7 @@ def standing_lines(view: PictureView) -> SceneLines:
 
 def mark_lines(view: PictureView) -> SceneLines:
     """Ground points as crosses, each with the way to where the camera sees its ground."""
-    return joined(_one_mark(view, number, each) for number, each in enumerate(view.marks, 1))
+    return joined(_one_mark(view, each) for each in view.marks)
 
 
 def standing_at(camera: Camera, box: tuple[float, float, float, float]) -> np.ndarray | None:
@@ -133,39 +144,44 @@ def standing_at(camera: Camera, box: tuple[float, float, float, float]) -> np.nd
     return foot if depth_of(camera, foot) >= NEAR else None
 
 
+def _standing(view: PictureView, each: PictureBox) -> np.ndarray | None:
+    return standing_at(view.camera, each.box) if view.is_known else None
+
+
 def _one_box(view: PictureView, each: PictureBox) -> SceneLines:
     left, top, right, bottom = each.box
     if not np.isfinite(each.box).all():
         return SceneLines()
-    foot = standing_at(view.camera, each.box)
+    foot = _standing(view, each)
     # Without a foot on the ground it hangs where the players of such pictures stand.
     depth = _usual_depth(view) if foot is None else float(depth_of(view.camera, foot))
     pixels = np.array([(left, top), (right, top), (right, bottom), (left, bottom)])
     corners = unprojected(view.camera, pixels, depth)
     sides = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
     colour = COLOURS[each.verdict]
-    text = f"{each.name}\n{each.warning}" if each.warning else each.name
-    # Words about what is wrong come before plain names where there is no room for both.
-    rank = 0 if each.warning else 1
-    return strokes(sides, colour, 2.0) + label(corners[0], text, colour, rank)
+    rank = WARNING_RANK if each.warning else NAME_RANK
+    words = label(corners[0], each.warning or each.name, colour, rank)
+    return strokes(sides, colour, 2.0) + words
 
 
-def _one_mark(view: PictureView, number: int, mark: GroundMark) -> SceneLines:
+def _one_mark(view: PictureView, mark: GroundMark) -> SceneLines:
     spot = np.array([*mark.ground, 0.0])
     seen, depth = project(view.camera, spot[None])
-    before = bool(depth[0] >= NEAR)
+    before = view.is_known and bool(depth[0] >= NEAR)
     reach = float(depth[0]) if before else _usual_depth(view)
     half, pixel = CROSS * view.camera.height, np.array(mark.pixel, np.float64)
     arms = np.array([[(-half, 0), (half, 0)], [(0, -half), (0, half)]]) + pixel
     cross = unprojected(view.camera, arms, reach)
     at = unprojected(view.camera, pixel, reach)
     parts = strokes(cross, NEUTRAL, 2.0)
+    if not view.is_known:
+        return parts + label(at, mark.name, NEUTRAL, NAME_RANK)
     if not before:
-        return parts + label(at, f"{number}: behind the camera", RED)
+        return parts + label(at, f"{mark.name}: behind the camera", RED, WARNING_RANK)
     miss = math.dist(seen[0], mark.pixel)
     colour = NEUTRAL if miss <= half else AMBER
     way = strokes(np.stack([at, spot])[None], colour, 2.0) + dots(spot, colour, 6.0)
-    return parts + way + label(at, f"{number}: {miss:.1f} px", colour, 2)
+    return parts + way + label(at, f"{mark.name}: {miss:.1f} px", colour, NAME_RANK)
 
 
 def _usual_depth(view: PictureView) -> float:
@@ -176,7 +192,7 @@ def _usual_depth(view: PictureView) -> float:
 
 
 def _mesh_label(view: PictureView, mesh: float, colour: Colour) -> SceneLines:
-    """How wide the meshes are, and what is wrong with the camera, at the nearest seen corner."""
+    """How wide the meshes are, at the nearest corner that is seen."""
     corners = np.array(list(_corners(*view.ground)))
     pixels, depth = project(view.camera, corners)
     # Comparing with NaN is false: corners behind the camera are never inside.
@@ -185,8 +201,7 @@ def _mesh_label(view: PictureView, mesh: float, colour: Colour) -> SceneLines:
     if not inside.any():
         return SceneLines()
     nearest = corners[np.where(inside, depth, np.inf).argmin()]
-    text = f"{mesh:g} m"
-    return label(nearest, f"{text}\n{view.warning}" if view.warning else text, colour, 1)
+    return label(nearest, f"{mesh:g} m", colour, SCALE_RANK)
 
 
 def _corners(low: tuple[float, float], high: tuple[float, float]) -> Iterator[tuple]:

@@ -161,7 +161,7 @@ def test_a_box_whose_foot_is_in_the_sky_is_drawn_without_a_volume():
     assert standing_at(view.camera, box.box) is None and standing_lines(view).segments == 0
     lines = box_lines(view)
     assert lines.segments == 4 and everything_finite(lines)
-    assert lines.labels[0].text == "a\nits foot is in the sky"
+    assert lines.labels[0].text == "its foot is in the sky"
 
 
 @pytest.mark.parametrize(
@@ -182,19 +182,41 @@ def test_verdicts_have_their_colours(verdict, colour):
 def test_a_ground_point_shows_how_many_pixels_it_misses_by():
     camera = front_camera()
     seen, _ = project(camera, np.array([[1.0, 2.0, 0.0]]))
-    mark = GroundMark((seen[0, 0] + 3.0, seen[0, 1] + 4.0), (1.0, 2.0))
+    mark = GroundMark("P", (seen[0, 0] + 3.0, seen[0, 1] + 4.0), (1.0, 2.0))
     lines = mark_lines(PictureView(camera, marks=(mark,)))
-    assert [each.text for each in lines.labels] == ["1: 5.0 px"]
+    assert [each.text for each in lines.labels] == ["P: 5.0 px"]
     way = lines.strokes[1].ends[0]
     ends, _ = project(camera, way)
     assert np.allclose(ends, [mark.pixel, seen[0]]) and colours_of(lines) >= {AMBER[:3]}
 
 
 def test_a_ground_point_behind_the_camera_says_so():
-    mark = GroundMark((10.0, 10.0), (0.0, -50.0))
+    mark = GroundMark("P", (10.0, 10.0), (0.0, -50.0))
     lines = mark_lines(PictureView(front_camera(), marks=(mark,)))
-    assert [each.text for each in lines.labels] == ["1: behind the camera"]
+    assert [each.text for each in lines.labels] == ["P: behind the camera"]
     assert everything_finite(lines)
+
+
+def test_a_camera_that_only_looks_on_shows_boxes_and_points_but_no_ground():
+    view = PictureView(
+        front_camera(),
+        (PictureBox("a", (12.0, 10.0, 20.0, 30.0)),),
+        {"a": PLAYER},
+        ((-4.0, -4.0), (4.0, 4.0)),
+        (GroundMark("P", (10.0, 10.0), (0.0, 0.0)),),
+        is_known=False,
+    )
+    assert ground_lines(view).segments == standing_lines(view).segments == 0
+    assert box_lines(view).segments == 4 and mark_lines(view).segments == 2
+    assert [each.text for each in mark_lines(view).labels] == ["P"]
+
+
+def test_what_is_wrong_with_the_camera_stands_in_the_corner_of_the_picture():
+    view = PictureView(front_camera(), verdict=OUTSIDE, warning="the camera is too low")
+    (words,) = box_lines(view).labels
+    seen, _ = project(view.camera, np.array([words.anchor]))
+    assert words.text == "the camera is too low" and np.allclose(seen, 0.0, atol=1e-9)
+    assert words.colour == AMBER
 
 
 @settings(deadline=None)
@@ -212,7 +234,7 @@ def test_no_camera_box_ground_or_point_makes_a_number_that_cannot_be_drawn(
         (PictureBox("a", box),),
         {"a": PLAYER},
         ground,
-        (GroundMark(box[:2], spot),),
+        (GroundMark("P", box[:2], spot),),
     )
     for make in (ground_lines, box_lines, standing_lines, mark_lines):
         lines = make(view)
