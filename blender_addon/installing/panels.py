@@ -1,13 +1,19 @@
 """The state of the runtime, beside the other panels."""
 
+import os
+
 import bpy
 
 from ..panel import PlayablePanel
+from ..runtime_python import find_python
 from ..session import session
+from .installation import installation
+from .preferences import ADDON, draw_progress
+from .words import worker_words
 
 
 class PLAYABLE_PT_runtime(PlayablePanel, bpy.types.Panel):
-    """What the worker is doing."""
+    """What the worker is doing, and what to do where there is no runtime."""
 
     bl_label = "Runtime"
     bl_idname = "PLAYABLE_PT_runtime"
@@ -15,11 +21,20 @@ class PLAYABLE_PT_runtime(PlayablePanel, bpy.types.Panel):
 
     def draw(self, _context: bpy.types.Context) -> None:
         layout = self.layout
+        has_runtime = session.has_command or find_python(session.places, os.environ) is not None
+        words = worker_words(
+            session.status, session.doing, session.device, session.error, has_runtime
+        )
         row = layout.row(align=True)
-        row.label(text=f"Worker: {session.status}", icon="ERROR" if session.error else "CONSOLE")
+        row.label(text=words.title, icon=words.icon)
         row.operator("playable.stop_worker", text="", icon="CANCEL")
-        if session.error:
-            layout.label(text=session.error.splitlines()[0])
+        row.operator("preferences.addon_show", text="", icon="PREFERENCES").module = ADDON
+        for line in words.lines:
+            layout.label(text=line)
+        if installation.sets_up:
+            draw_progress(layout)
+        elif not has_runtime:
+            layout.operator("playable.set_up_runtime", icon="IMPORT")
 
 
 CLASSES = (PLAYABLE_PT_runtime,)

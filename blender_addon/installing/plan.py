@@ -39,7 +39,7 @@ class Cost:
 
 
 COSTS = {
-    CPU: Cost(400 * 10**6, 2 * GIGABYTE),
+    CPU: Cost(330 * 10**6, 1_800 * 10**6),
     GPU: Cost(3 * GIGABYTE, 10 * GIGABYTE),
 }
 

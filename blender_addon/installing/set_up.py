@@ -39,13 +39,19 @@ VERSION = "import sys; print(sys.version_info[0], sys.version_info[1])"
 NOT_INHERITED = dict.fromkeys(("PIP_TARGET", "PIP_PREFIX", "PIP_USER", "PIP_REQUIRE_VIRTUALENV"))
 
 
-def set_up(plan: SetUpPlan, should_stop: ShouldStop, on_stage: OnStage) -> RuntimeState:
+def set_up(
+    plan: SetUpPlan,
+    should_stop: ShouldStop,
+    on_stage: OnStage,
+    release: Callable[[], None] = lambda: None,
+) -> RuntimeState:
     """Build a private runtime and put it in the place of the old one.
 
     Args:
         plan: What to build.
         should_stop: Asked now and then.
         on_stage: Told what is being done.
+        release: Ends the programs that run in the old runtime, right before it goes.
 
     Returns:
         The state of the new runtime: READY.
@@ -62,6 +68,7 @@ def set_up(plan: SetUpPlan, should_stop: ShouldStop, on_stage: OnStage) -> Runti
             try:
                 with _own_folder(plan.folder, BUILDING) as place:
                     made = _Build(plan, place, should_stop, on_stage, log).all()
+                    release()
                     _replace(place / ENVIRONMENT, plan.environment)
             finally:
                 _keep_log(plan.folder, log)
