@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import WorkerError
 from pe_runtime.contract.messages import CANCELLED, HEADING_PREFIX, Message
 from pe_runtime.contract.shot import BACKGROUND_PASS, LAYER_PASS_PREFIX, MASK_PASS_PREFIX
@@ -46,6 +47,34 @@ class PredictedPaths:
     headings: Mapping[str, np.ndarray] = field(default_factory=dict)
 
 
+@dataclass(frozen=True)
+class MatchedCamera:
+    """A camera that sees ground points where the artist put them.
+
+    Attributes:
+        camera: In environment space.
+        residual: Root mean square of the distances to the points, pixels.
+        worst: The largest of them, pixels.
+    """
+
+    camera: Camera
+    residual: float
+    worst: float
+
+
+@dataclass(frozen=True)
+class DetectedBoxes:
+    """What a detector found in a picture.
+
+    Attributes:
+        boxes: By playable object left, top, right, bottom in pixels.
+        scores: By playable object how sure it is, 0 to 1.
+    """
+
+    boxes: Mapping[str, tuple[float, float, float, float]]
+    scores: Mapping[str, float]
+
+
 class WorkerCancelledError(WorkerError):
     """The request was given up because its caller asked to stop."""
 
@@ -81,6 +110,30 @@ def frame_from(reply: Message) -> RenderedFrame:
         layers=_named_after(LAYER_PASS_PREFIX, buffers),
         background=buffers.get(BACKGROUND_PASS),
     )
+
+
+def matched_from(reply: Message) -> MatchedCamera:
+    """A matched camera."""
+    found = reply.fields
+    camera = Camera.from_dict(found["camera"], "matched camera")
+    return MatchedCamera(camera, float(found["residual"]), float(found["worst"]))
+
+
+def detected_from(reply: Message) -> DetectedBoxes:
+    """The boxes that a detector found."""
+    boxes = {name: tuple(map(float, box)) for name, box in reply.fields["boxes"].items()}
+    scores = {name: float(score) for name, score in reply.fields["scores"].items()}
+    return DetectedBoxes(boxes, scores)
+
+
+def actions_from(reply: Message) -> dict[str, list[int]]:
+    """The inferred actions of every object, in order."""
+    return {name: list(map(int, actions)) for name, actions in reply.fields["actions"].items()}
+
+
+def digests_from(reply: Message) -> dict[int, str]:
+    """By frame the digest of all that decides its pixels."""
+    return {int(frame): digest for frame, digest in reply.fields["digests"].items()}
 
 
 def _named_after(prefix: str, buffers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
