@@ -11,6 +11,7 @@ def _parts() -> tuple:
         exact_colours,
         framing,
         installing,
+        keeping,
         overlay,
         playing,
         session,
@@ -18,7 +19,18 @@ def _parts() -> tuple:
         strips,
     )
 
-    return settings, session, installing, exact_colours, engine, framing, playing, overlay, strips
+    return (
+        settings,
+        session,
+        installing,
+        exact_colours,
+        engine,
+        framing,
+        playing,
+        overlay,
+        strips,
+        keeping,
+    )
 
 
 def register() -> None:

@@ -10,21 +10,40 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
+from pathlib import PurePath
 
 import numpy as np
 
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import ShotError
-from pe_runtime.contract.shot import ObjectTrack, Shot
+from pe_runtime.contract.shot import ObjectTrack, Shot, Start
 
 from .scene_bridge import Moment, TrackMoment
+from .state_files import is_content_name, picture_in, portable, state_file, stored_state
 
-FORMAT = 1
+PICTURE_FORMAT, FORMAT = 1, 2
+"""Bakes that start from a picture, and those that start from a state."""
 BAKE_AGAIN = "press Bake Paths again"
 # Locations pass through float32 F-curves and the root's matrix: below this nobody has moved it.
 MOVED_METRES = 1e-4
 TURNED_RADIANS = 1e-4
 CAMERA_TOLERANCE = 1e-6
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Where the state of a .blend's environment lies on this machine.
+
+    Attributes:
+        file: Path of its state file; empty where there is none.
+        text: What it was made from and became, as JSON.
+    """
+
+    file: str = ""
+    text: str = ""
+
+
+NO_SOURCES = Sources()
 
 
 @dataclass(frozen=True)
@@ -41,14 +60,20 @@ class Bake:
     paths: Mapping[str, np.ndarray]
     headings: Mapping[str, np.ndarray] = field(default_factory=dict)
 
+    @property
+    def digest(self) -> str:
+        """SHA-256 of the shot, in hex; the same on every machine."""
+        return portable(self.shot).digest()
+
     def to_json(self) -> str:
         """The bake as the text of a Blender text block."""
+        shot = portable(self.shot)
         paths = {name: np.asarray(path).tolist() for name, path in self.paths.items()}
         headings = {name: np.asarray(each).tolist() for name, each in self.headings.items()}
         content = {
             "format": FORMAT,
-            "digest": self.shot.digest(),
-            "shot": self.shot.as_dict(),
+            "digest": shot.digest(),
+            "shot": shot.as_dict(),
             "paths": paths,
             "headings": headings,
         }
@@ -56,38 +81,76 @@ class Bake:
 
 
 @lru_cache(maxsize=4)
-def read_bake(text: str, where: str) -> Bake:
+def read_bake(text: str, where: str, sources: Sources = NO_SOURCES) -> Bake:
     """Read what `Bake.to_json` wrote; remembered, since every frame asks.
 
+    Args:
+        text: The bake.
+        where: Its name, for errors.
+        sources: Where the states that it names lie now.
+
     Raises:
-        ShotError: The text is no bake, or was changed by hand.
+        ShotError: The text is no bake, was changed by hand, or names a state that is gone.
     """
     try:
         content = json.loads(text)
-        stored, digest = content["shot"], content["digest"]
+        stored, digest, made_as = content["shot"], content["digest"], content["format"]
         paths = {name: np.array(path, np.float64) for name, path in content["paths"].items()}
         # Bakes from before there were headings have none.
         headings = content.get("headings", {}).items()
         headings = {name: np.array(each, np.float64) for name, each in headings}
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise ShotError(f"{where!r} is no bake ({error!r}); {BAKE_AGAIN}") from error
+    if made_as not in (PICTURE_FORMAT, FORMAT):
+        raise ShotError(
+            f"{where!r} is a bake of format {made_as}, this add-on reads up to {FORMAT}; update "
+            f"the add-on, or {BAKE_AGAIN}"
+        )
     shot = Shot.from_dict(stored, where)
     if shot.digest() != digest:
         raise ShotError(f"{where!r} was edited since it was baked; {BAKE_AGAIN}")
-    return Bake(shot, paths, headings)
+    return Bake(_found(shot, sources, where), paths, headings)
 
 
 def bake_of(settings: object) -> Bake:
-    """The bake that a scene's settings hold.
+    """The bake that a scene's settings hold; the state that it starts from is there as a file.
 
     Raises:
         ShotError: Nothing was baked yet.
     """
     if settings.root is None:
         raise ShotError("this scene has no environment; make one with New Playable Environment")
+    if text := settings.of_newer_addon():
+        raise ShotError(text)
     if settings.bake_text is None:
         raise ShotError("nothing is baked yet; press Bake Paths before rendering")
-    return read_bake(settings.bake_text.as_string(), settings.bake_text.name)
+    # Every time: whoever empties the temporary folder does not ask.
+    sources = _sources_of(settings.state_text)
+    return read_bake(settings.bake_text.as_string(), settings.bake_text.name, sources)
+
+
+def _sources_of(block: object) -> Sources:
+    """The state of an environment's text block as a file, if there is such a block."""
+    if block is None:
+        return NO_SOURCES
+    text = block.as_string()
+    return Sources(str(state_file(stored_state(text, block.name))), text)
+
+
+def _found(shot: Shot, sources: Sources, where: str) -> Shot:
+    """The shot with its start where it lies now."""
+    start = shot.start
+    if start.state is None:
+        # Baked before states became files: the picture may be gone, its state is here.
+        same = sources.file and picture_in(sources.text, where).as_dict() == start.as_dict()
+        return dataclasses.replace(shot, start=Start(state=sources.file)) if same else shot
+    if not is_content_name(start.state):
+        return shot
+    if PurePath(sources.file).name != start.state:
+        raise ShotError(
+            f"{where!r} starts from a state that is no longer in this file; {BAKE_AGAIN}"
+        )
+    return dataclasses.replace(shot, start=Start(state=sources.file))
 
 
 @dataclass(frozen=True)

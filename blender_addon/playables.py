@@ -16,13 +16,13 @@ from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Start
 
-from .fcurves import make_stepped, own_curves, remove_curves
+from .fcurves import ACTION_PATH, make_stepped, own_curves, remove_curves
 from .pixels import use_exact_colours
 from .scene_bridge import action_names, playable_objects
 from .settings import SCHEMA
+from .state_files import picture_in, state_file, stored_state
 from .volumes import height_of, show_volumes
 
-ACTION_PATH = "playable.action"
 STATE_FORMAT = 1
 USUAL_HEIGHT = 1.0
 """Metres of an Empty whose object has no known volume."""
@@ -81,23 +81,32 @@ def build_environment(
 
 
 def stored_start(settings: object) -> Start:
-    """The start that a scene's environment was made from.
+    """The state that a scene's environment is, as the start of a Shot; no picture is needed.
+
+    Raises:
+        ShotError: The scene has no environment, its text block was damaged, or no file can be
+            written for the worker.
+    """
+    block = _state_block(settings)
+    return Start(state=str(state_file(stored_state(block.as_string(), block.name))))
+
+
+def stored_picture(settings: object) -> Start:
+    """The picture that a scene's environment was made from; its file may be gone.
 
     Raises:
         ShotError: The scene has no environment, or its text block was damaged.
     """
+    block = _state_block(settings)
+    return picture_in(block.as_string(), block.name)
+
+
+def _state_block(settings: object) -> bpy.types.Text:
+    if text := settings.of_newer_addon():
+        raise ShotError(text)
     if settings.root is None or settings.state_text is None:
         raise ShotError("this scene has no environment; make one with New Playable Environment")
-    try:
-        content = json.loads(settings.state_text.as_string())["start"]
-        camera = Camera.from_dict(content["camera"], f"{settings.state_text.name}: camera")
-        boxes = {name: tuple(box) for name, box in content["boxes"].items()}
-        return Start(image=content["image"], camera=camera, boxes=boxes)
-    except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise ShotError(
-            f"{settings.state_text.name!r} is no environment ({error!r}); "
-            "make a new one from the picture"
-        ) from error
+    return settings.state_text
 
 
 def key_action(target: bpy.types.Object, frame: int, action: int) -> None:
@@ -139,22 +148,37 @@ def _place_empties(
     standing = playable_objects(scene)
     for name in set(standing) - set(boxes):
         standing[name].playable.is_playable = False
-    placed = {}
-    for name in facts.playable_names:
-        if name in boxes:
-            placed[name] = each = standing.get(name) or _new_empty(scene, name, facts)
-            _teach_actions(each, name, facts)
-            for data_path in ("location", "rotation_euler"):
-                remove_curves(each, data_path)
-            found = state["objects"][name]
-            each.location, each.rotation_mode = found["position"], "XYZ"
-            each.rotation_euler = 0.0, 0.0, found.get("heading", 0.0)
-    return placed
+    return {
+        name: place_empty(scene, name, facts, state["objects"][name])
+        for name in facts.playable_names
+        if name in boxes
+    }
 
 
-def _teach_actions(each: bpy.types.Object, name: str, facts: ModelFacts) -> None:
+def place_empty(
+    scene: bpy.types.Scene, name: str, facts: ModelFacts, found: Mapping
+) -> bpy.types.Object:
+    """The Empty of a playable object, made if there is none, where a state has found the object.
+
+    Args:
+        scene: With the environment.
+        name: The object's, in the model.
+        facts: The model's.
+        found: The object in the state, as JSON values.
+    """
+    each = playable_objects(scene).get(name) or _new_empty(scene, name, facts)
+    teach_actions(each, name, facts)
+    for data_path in ("location", "rotation_euler"):
+        remove_curves(each, data_path)
+    each.location, each.rotation_mode = found["position"], "XYZ"
+    each.rotation_euler = 0.0, 0.0, found.get("heading", 0.0)
+    return each
+
+
+def teach_actions(each: bpy.types.Object, name: str, facts: ModelFacts) -> None:
     """Give an Empty the model's actions; until it has keys, it does what nobody has to tell it."""
     names = json.dumps(facts.action_names[name])
+    each.playable.action_movements = json.dumps(facts.movements.get(name, ()))
     if each.playable.action_names != names:
         each.playable.action_names = names
         each.playable.action = f"A{facts.resting_actions.get(name, 0)}"

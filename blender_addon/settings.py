@@ -27,9 +27,10 @@ from pe_runtime.contract.model_facts import ModelFacts
 
 from .framing.settings import FramingSettings, GroundPoint, TrackedObject
 from .overlay.settings import OverlaySettings
+from .playing.settings import PlayingSettings
 from .strips.settings import StripSettings
 
-SCHEMA = 1
+SCHEMA = 2
 UNNAMED_ACTIONS = 16
 """Actions that are offered where no model has named any."""
 QUALITIES = (
@@ -72,11 +73,19 @@ def _is_empty(_self: object, candidate: bpy.types.Object) -> bool:
     return candidate.type == "EMPTY"
 
 
+def _note_picture(self: "EnvironmentSettings", _context: object) -> None:
+    self.framing.note_path(self.image_path)
+
+
 def _file_path(name: str, description: str) -> Any:  # noqa: ANN401 - bpy's deferred property
     # Blender 4.5 warns about file paths that do not say whether "//" is understood.
     understands = {"PATH_SUPPORTS_BLEND_RELATIVE"}
     return StringProperty(
-        name=name, description=description, subtype="FILE_PATH", options=understands
+        name=name,
+        description=description,
+        subtype="FILE_PATH",
+        options=understands,
+        update=_note_picture,
     )
 
 
@@ -96,6 +105,10 @@ class PlayableSettings(bpy.types.PropertyGroup):
         default=0,
     )
     action_names: StringProperty(description="The model's names for the actions, a JSON list")
+    action_movements: StringProperty(
+        description="Where actions lead: to the right of the camera and ahead, metres a step, JSON",
+        override={"LIBRARY_OVERRIDABLE"},
+    )
     use_mask: BoolProperty(
         name="Mask",
         description="Render a pass with the pixels that show the object",
@@ -177,7 +190,18 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
     )
     overlay: PointerProperty(type=OverlaySettings)
     framing: PointerProperty(type=FramingSettings)
+    playing: PointerProperty(type=PlayingSettings, override={"LIBRARY_OVERRIDABLE"})
     strips: PointerProperty(type=StripSettings)
+
+    def of_newer_addon(self) -> str:
+        """Why an environment of a later version cannot be worked on; empty where it can."""
+        if self.schema <= SCHEMA:
+            return ""
+        return (
+            f"{self.id_data.name!r} was made by a newer version of the add-on (schema "
+            f"{self.schema}, this one knows {SCHEMA}); update the add-on before you change or "
+            "render it"
+        )
 
     def note_facts(self, facts: ModelFacts) -> None:
         """Keep what the panel tells of the model, so that it needs no worker for it."""
@@ -219,6 +243,7 @@ CLASSES = (
     GroundPoint,
     TrackedObject,
     FramingSettings,
+    PlayingSettings,
     StripSettings,
     EnvironmentSettings,
 )

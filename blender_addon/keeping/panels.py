@@ -1,0 +1,41 @@
+"""What a file lacks, shown above all else while it lacks it."""
+
+import textwrap
+
+import bpy
+
+from ..panel import PlayablePanel
+from .problems import problems_of
+
+LABEL_WIDTH = 40
+"""Characters that the sidebar shows at its usual width."""
+
+
+class PLAYABLE_PT_problems(PlayablePanel, bpy.types.Panel):
+    """What is missing in this file."""
+
+    bl_label = "Needs Attention"
+    bl_idname = "PLAYABLE_PT_problems"
+    bl_order = -1
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return bool(problems_of(context.scene))
+
+    def draw(self, context: bpy.types.Context) -> None:
+        for problem in problems_of(context.scene):
+            column = self.layout.column(align=True)
+            icon = "ERROR"
+            for line in textwrap.wrap(problem, LABEL_WIDTH):
+                column.label(text=line, icon=icon)
+                icon = "BLANK1"
+
+
+def register() -> None:
+    """Register the panel."""
+    bpy.utils.register_class(PLAYABLE_PT_problems)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    bpy.utils.unregister_class(PLAYABLE_PT_problems)
