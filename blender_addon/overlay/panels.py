@@ -39,6 +39,14 @@ class PLAYABLE_PT_overlay(PlayablePanel, bpy.types.Panel):
         column.prop(overlay, "ghost_steps")
 
 
+def _draw_view() -> None:
+    viewport.draw_view(bpy.context)
+
+
+def _draw_pixels() -> None:
+    viewport.draw_pixels(bpy.context)
+
+
 CLASSES = (PLAYABLE_PT_overlay,)
 
 
@@ -47,7 +55,8 @@ def register() -> None:
     for each in CLASSES:
         bpy.utils.register_class(each)
     if not bpy.app.background:
-        viewport.start(bpy.context)
+        # While an add-on is enabled there is no context yet: each redraw asks for its own.
+        viewport.start(_draw_view, _draw_pixels)
 
 
 def unregister() -> None:

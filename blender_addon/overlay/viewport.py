@@ -4,6 +4,7 @@ Viewports are redrawn many times a second, so lines are computed and handed to t
 only when what they show has changed.
 """
 
+from collections.abc import Callable
 from contextlib import suppress
 
 import bpy
@@ -37,11 +38,16 @@ _kept: dict[tuple[str, str], tuple[object, drawing.Batches]] = {}
 _handles: list[object] = []
 
 
-def start(context: bpy.types.Context) -> None:
-    """Draw in every 3D viewport from now on; only where there is a window."""
+def start(in_view: Callable[[], None], in_pixels: Callable[[], None]) -> None:
+    """Have every 3D viewport call these from now on; only where there is a window.
+
+    Args:
+        in_view: Draws in the scene's space.
+        in_pixels: Draws in pixels of the viewport.
+    """
     add = bpy.types.SpaceView3D.draw_handler_add
-    _handles.append(add(_draw_view, (context,), "WINDOW", "POST_VIEW"))
-    _handles.append(add(_draw_pixels, (context,), "WINDOW", "POST_PIXEL"))
+    _handles.append(add(in_view, (), "WINDOW", "POST_VIEW"))
+    _handles.append(add(in_pixels, (), "WINDOW", "POST_PIXEL"))
 
 
 def stop() -> None:
@@ -49,6 +55,22 @@ def stop() -> None:
     while _handles:
         bpy.types.SpaceView3D.draw_handler_remove(_handles.pop(), "WINDOW")
     _kept.clear()
+
+
+def draw_view(context: bpy.types.Context) -> None:
+    """Draw lines and dots in the context's viewport."""
+    for batches, world, scale in _shown(context):
+        drawing.draw_lines(batches, context.region, world, scale)
+
+
+def draw_pixels(context: bpy.types.Context) -> None:
+    """Write names in the context's viewport."""
+    labels, place = [], None
+    for batches, world, scale in _shown(context):
+        labels += batches.labels
+        place = world, scale
+    if labels:
+        drawing.draw_labels(labels, context.region, context.region_data, *place)
 
 
 def overlay_lines(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> SceneLines:
@@ -88,20 +110,6 @@ def _batches(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> list[dra
     while len(_kept) > MOST_KEPT:
         del _kept[next(iter(_kept))]
     return found
-
-
-def _draw_view(context: bpy.types.Context) -> None:
-    for batches, world, scale in _shown(context):
-        drawing.draw_lines(batches, context.region, world, scale)
-
-
-def _draw_pixels(context: bpy.types.Context) -> None:
-    labels, place = [], None
-    for batches, world, scale in _shown(context):
-        labels += batches.labels
-        place = world, scale
-    if labels:
-        drawing.draw_labels(labels, context.region, context.region_data, *place)
 
 
 def _shown(context: bpy.types.Context) -> list[tuple[drawing.Batches, Matrix, float]]:
