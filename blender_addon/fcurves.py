@@ -1,11 +1,17 @@
 """F-curves of an object, across Blender's two ways of keeping them (layers since 4.4, 5.0)."""
 
+from collections.abc import Iterator
+
 import bpy
 import numpy as np
 
 from pe_runtime.contract.errors import ShotError
 
+ACTION_PATH = "playable.action"
+"""The action of a playable object, as curves name it."""
 _INTERPOLATION = {"CONSTANT": 0, "LINEAR": 1}
+SAME_FRAME = 1e-3
+"""Keys nearer to a frame than this are at it: graph editors leave them a little off."""
 
 
 def curves_of(target: bpy.types.Object) -> bpy.types.bpy_prop_collection | None:
@@ -78,10 +84,68 @@ def remove_curves(target: bpy.types.Object, data_path: str) -> None:
         curves.remove(curve)
 
 
-def make_stepped(target: bpy.types.Object, data_path: str) -> None:
-    """Let keys of a property hold until the next one."""
-    for curve in curves_of(target) or ():
-        if curve.data_path == data_path:
-            for point in curve.keyframe_points:
-                point.interpolation = "CONSTANT"
-            curve.update()
+def every_curve(target: bpy.types.Object, data_path: str) -> Iterator[bpy.types.FCurve]:
+    """The F-curves of one property, in a target's action and in its NLA strips."""
+    yield from (each for each in curves_of(target) or () if each.data_path == data_path)
+    animation = target.animation_data
+    tracks = animation.nla_tracks if animation is not None else ()
+    for strip in (strip for track in tracks for strip in track.strips):
+        yield from (each for each in strip_curves(strip) if each.data_path == data_path)
+
+
+def strip_curves(strip: bpy.types.NlaStrip) -> Iterator[bpy.types.FCurve]:
+    """The F-curves that an NLA strip plays; none of a strip of strips."""
+    if strip.action is None or strip.action_slot is None:
+        return
+    for layer in strip.action.layers:
+        for part in layer.strips:
+            bag = part.channelbag(strip.action_slot)
+            yield from bag.fcurves if bag is not None else ()
+
+
+def key_points(curve: bpy.types.FCurve) -> np.ndarray:
+    """(keys, 2) float32: the frame and the value of every key, in order of frames."""
+    points = np.empty(2 * len(curve.keyframe_points), np.float32)
+    curve.keyframe_points.foreach_get("co", points)
+    return points.reshape(-1, 2)
+
+
+def is_stepped(curve: bpy.types.FCurve) -> bool:
+    """Whether every key of a curve holds until the next one."""
+    kinds = np.empty(len(curve.keyframe_points), np.int32)
+    curve.keyframe_points.foreach_get("interpolation", kinds)
+    return not (kinds != _INTERPOLATION["CONSTANT"]).any()
+
+
+def make_stepped(target: bpy.types.Object, data_path: str) -> int:
+    """Let keys of a property hold until the next one; how many of its curves had others."""
+    changed = 0
+    for curve in every_curve(target, data_path):
+        # Only where needed: every write makes Blender evaluate the scene again.
+        if is_stepped(curve) or not curve.id_data.is_editable:
+            continue
+        kinds = np.full(len(curve.keyframe_points), _INTERPOLATION["CONSTANT"], np.int32)
+        curve.keyframe_points.foreach_set("interpolation", kinds)
+        curve.update()
+        curve.id_data.update_tag()
+        changed += 1
+    return changed
+
+
+def held_value(target: bpy.types.Object, data_path: str, frame: float) -> float | None:
+    """The value of the last key up to a frame, whatever lies between keys.
+
+    Returns:
+        None where the keys do not tell: there are none, all hold already, or something else than
+        the keys has a say, such as NLA strips, drivers, modifiers and muted curves.
+    """
+    animation, curves = target.animation_data, curves_of(target)
+    curve = curves.find(data_path) if curves is not None else None
+    if curve is None or is_stepped(curve) or curve.mute or len(curve.modifiers):
+        return None
+    driven = any(driver.data_path == data_path for driver in animation.drivers)
+    if driven or (animation.use_nla and len(animation.nla_tracks)):
+        return None
+    frames, values = key_points(curve).T
+    last = int(np.searchsorted(frames, frame + SAME_FRAME, side="right")) - 1
+    return float(values[max(last, 0)])

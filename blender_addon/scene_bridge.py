@@ -32,6 +32,8 @@ from pe_runtime.contract.shot import (
     Start,
 )
 
+from .fcurves import ACTION_PATH, held_value
+
 UNIFORM_SCALE_TOLERANCE = 1e-4
 picture_only: set[str] = set()
 """Scenes of which a range is rendered to files that hold no passes; not a setting, so that no
@@ -299,7 +301,8 @@ def _read_track(
     environment_from_object = environment_from_world @ np.array(each.matrix_world, np.float64)
     location = tuple(float(x) for x in environment_from_object[:3, 3])
     heading = math.atan2(environment_from_object[1, 0], environment_from_object[0, 0])
-    action = _action_index(each) if each.is_evaluated else None
+    now = depsgraph.scene_eval.frame_current_final
+    action = _action_index(each, now) if each.is_evaluated else None
     return TrackMoment(action, location, visible, heading)
 
 
@@ -308,12 +311,14 @@ def action_names(target: bpy.types.Object) -> list[str]:
     return json.loads(target.playable.action_names or "[]")
 
 
-def _action_index(each: bpy.types.Object) -> int | None:
+def _action_index(each: bpy.types.Object, frame: float) -> int | None:
     names = action_names(each)
     if not names:
         return None
-    identifier = each.playable.action
-    if not identifier:
+    # Keys that do not hold would pass through the actions between two of them.
+    held = held_value(each, ACTION_PATH, frame)
+    identifier = each.playable.action if held is None else f"A{round(held)}"
+    if not identifier or int(identifier.removeprefix("A")) >= len(names):
         raise ShotError(
             f"{each.name!r} has an action key beyond the model's {len(names)} actions "
             f"({', '.join(names)}); delete that key"

@@ -133,6 +133,7 @@ class BoxSettings(bpy.types.PropertyGroup):
         options=set(),
         precision=1,
     )
+    is_shown: BoolProperty(name="Numbers", description="Show the numbers of the box", options=set())
 
 
 class EnvironmentSettings(bpy.types.PropertyGroup):

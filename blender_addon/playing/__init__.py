@@ -2,12 +2,9 @@
 
 
 def _parts() -> tuple:
-    from . import operators, panels
+    from . import claim_operators, key_operators, keymap, operators, panels
 
-    return (
-        operators,
-        panels,
-    )
+    return operators, key_operators, claim_operators, panels, keymap
 
 
 def register() -> None:

@@ -1,5 +1,7 @@
 """What the playable objects do, and where it leads them."""
 
+import textwrap
+
 import bpy
 
 from pe_runtime.contract.errors import ShotError
@@ -7,6 +9,15 @@ from pe_runtime.contract.errors import ShotError
 from ..bake import bake_of
 from ..panel import PlayablePanel
 from ..scene_bridge import action_names
+from ..settings import action_items
+from .action_keys import keyed_frames
+from .claims import free_names, left_out, other_claims
+from .directions import direction_icons
+from .stepping import action_warnings
+
+NUMBER_KEYS = 9
+LABEL_WIDTH = 36
+"""Characters that the sidebar shows at its usual width."""
 
 
 class PLAYABLE_PT_object(PlayablePanel, bpy.types.Panel):
@@ -14,23 +25,27 @@ class PLAYABLE_PT_object(PlayablePanel, bpy.types.Panel):
 
     bl_label = "Playable Object"
     bl_idname = "PLAYABLE_PT_object"
+    bl_order = 1
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         return context.object is not None and context.object.type == "EMPTY"
 
     def draw(self, context: bpy.types.Context) -> None:
-        playable, layout = context.object.playable, self.layout
+        target, layout = context.object, self.layout
         layout.use_property_split = True
-        layout.prop(playable, "is_playable")
-        if not playable.is_playable:
+        layout.prop(target.playable, "is_playable")
+        if not target.playable.is_playable:
             return
-        layout.prop(playable, "object_name")
-        if not action_names(context.object):
+        row = layout.row(align=True)
+        row.prop(target.playable, "object_name")
+        row.operator("playable.next_object", text="", icon="FORWARD")
+        _draw_claims(layout, context.scene, target)
+        if not action_names(target):
             layout.label(text="The model has no actions for it", icon="INFO")
             return
-        layout.prop(playable, "action")
-        layout.operator_menu_enum("playable.insert_action_key", "action", icon="KEY_HLT")
+        _draw_actions(layout, target)
+        _draw_keys(layout, target, context.scene.frame_current)
 
 
 class PLAYABLE_PT_paths(PlayablePanel, bpy.types.Panel):
@@ -38,6 +53,7 @@ class PLAYABLE_PT_paths(PlayablePanel, bpy.types.Panel):
 
     bl_label = "Paths"
     bl_idname = "PLAYABLE_PT_paths"
+    bl_order = 2
 
     def draw(self, context: bpy.types.Context) -> None:
         scene, layout = context.scene, self.layout
@@ -45,11 +61,67 @@ class PLAYABLE_PT_paths(PlayablePanel, bpy.types.Panel):
         row.prop(scene, "frame_start", text="Start")
         row.prop(scene, "frame_end", text="End")
         layout.operator("playable.bake_paths", icon="CURVE_PATH")
-        try:
-            shot = bake_of(scene.playable_environment).shot
-            layout.label(text=f"Baked: frames {shot.frame_start} to {shot.frame_end}")
-        except ShotError as reason:
-            layout.label(text=str(reason).partition(";")[0].capitalize(), icon="INFO")
+        layout.prop(scene.playable_environment.playing, "update_paths")
+        _draw_bake(layout, scene)
+        for name in left_out(scene) if scene.playable_environment.root is not None else ():
+            row = layout.row(align=True)
+            row.label(text=f"{name} has no Empty and rests", icon="INFO")
+            row.operator("playable.bring_back").object_name = name
+        for text in action_warnings(scene):
+            _draw_lines(layout, text, "ERROR")
+
+
+def _draw_claims(
+    layout: bpy.types.UILayout, scene: bpy.types.Scene, target: bpy.types.Object
+) -> None:
+    others = other_claims(scene, target)
+    if not others:
+        return
+    column = layout.column(align=True)
+    column.alert = True
+    _draw_lines(column, f"{others[0]} stands for {target.playable.object_name} too", "ERROR")
+    if free_names(scene, target):
+        column.operator_menu_enum("playable.stand_for", "object_name")
+    column.operator("playable.make_not_playable")
+
+
+def _draw_actions(layout: bpy.types.UILayout, target: bpy.types.Object) -> None:
+    playable, names = target.playable, action_names(target)
+    # Animatable, so that a pointer over it and the key I insert what is held.
+    layout.prop(playable, "action")
+    icons = direction_icons(playable.action_movements, len(names))
+    grid = layout.grid_flow(row_major=True, columns=2, even_columns=True, align=True)
+    for number, (identifier, label, *_) in enumerate(action_items(playable.action_names)):
+        text = f"{number + 1}  {label}" if number < NUMBER_KEYS else label
+        held = playable.action == identifier
+        button = grid.operator("playable.do_action", text=text, icon=icons[number], depress=held)
+        button.action = number
+
+
+def _draw_keys(layout: bpy.types.UILayout, target: bpy.types.Object, frame: int) -> None:
+    row = layout.row(align=True)
+    back = row.operator("playable.jump_to_action_key", text="", icon="PREV_KEYFRAME")
+    back.forward = False
+    frames = keyed_frames(target)
+    if frame in frames:
+        row.operator("playable.delete_action_key", text="Delete Key", icon="KEY_DEHLT")
+    else:
+        row.label(text="No key at this frame" if frames else "No action keys yet")
+    row.operator("playable.jump_to_action_key", text="", icon="NEXT_KEYFRAME").forward = True
+
+
+def _draw_bake(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    try:
+        shot = bake_of(scene.playable_environment).shot
+        layout.label(text=f"Baked: frames {shot.frame_start} to {shot.frame_end}")
+    except ShotError as reason:
+        layout.label(text=str(reason).partition(";")[0].capitalize(), icon="INFO")
+
+
+def _draw_lines(layout: bpy.types.UILayout, text: str, icon: str) -> None:
+    for line in textwrap.wrap(text, LABEL_WIDTH):
+        layout.label(text=line, icon=icon)
+        icon = "BLANK1"
 
 
 CLASSES = (PLAYABLE_PT_object, PLAYABLE_PT_paths)
