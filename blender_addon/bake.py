@@ -18,6 +18,7 @@ from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.shot import ObjectTrack, Shot, Start
 
+from .json_text import json_text
 from .scene_bridge import Moment, TrackMoment
 from .state_files import is_content_name, picture_in, portable, state_file, stored_state
 
@@ -77,7 +78,7 @@ class Bake:
             "paths": paths,
             "headings": headings,
         }
-        return json.dumps(content, allow_nan=False)
+        return json_text(content)
 
 
 @lru_cache(maxsize=4)

@@ -17,6 +17,7 @@ from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Start
 
 from .fcurves import ACTION_PATH, make_stepped, own_curves, remove_curves
+from .json_text import json_text
 from .pixels import use_exact_colours
 from .scene_bridge import action_names, playable_objects
 from .settings import SCHEMA
@@ -203,7 +204,7 @@ def _state_json(picture: Picture, state: Mapping) -> str:
         "camera": picture.camera.as_dict(),
         "boxes": {name: list(map(float, box)) for name, box in picture.boxes.items()},
     }
-    return json.dumps({"format": STATE_FORMAT, "start": start, "state": state})
+    return json_text({"format": STATE_FORMAT, "start": start, "state": state})
 
 
 def write_text(block: bpy.types.Text | None, name: str, content: str) -> bpy.types.Text:
