@@ -9,6 +9,7 @@ from pe_runtime.contract.model_facts import ModelFacts
 
 from .scene_bridge import look_through
 
+CAMERA_NAME = "Environment Camera"
 CLIP_MARGIN = 1.5
 
 
@@ -31,8 +32,12 @@ def usual_camera(facts: ModelFacts, width: int, height: int) -> Camera:
     return Camera(width, height, intrinsics, usual.world_from_camera)
 
 
-def add_camera(
-    scene: bpy.types.Scene, eye: Camera, world_from_environment: np.ndarray, reach: float
+def put_camera(
+    scene: bpy.types.Scene,
+    eye: Camera,
+    world_from_environment: np.ndarray,
+    reach: float,
+    holder: bpy.types.Object | None = None,
 ) -> bpy.types.Object:
     """Give a scene a camera and the resolution of its picture.
 
@@ -41,10 +46,11 @@ def add_camera(
         eye: What it sees, environment space.
         world_from_environment: (4, 4) matrix of the environment root; uniform scale allowed.
         reach: Environment metres that the viewport should show before it.
+        holder: A camera without parent that is changed; None for a new one.
     """
-    name = "Environment Camera"
-    holder = bpy.data.objects.new(name, bpy.data.cameras.new(name))
-    scene.collection.objects.link(holder)
+    if holder is None:
+        holder = bpy.data.objects.new(CAMERA_NAME, bpy.data.cameras.new(CAMERA_NAME))
+        scene.collection.objects.link(holder)
     scale = float(np.linalg.norm(world_from_environment[:3, 0]))
     world_from_camera = world_from_environment @ eye.world_from_camera
     world_from_camera[:3, :3] /= scale

@@ -2,10 +2,21 @@
 
 
 def _parts() -> tuple:
-    from . import operators, panels
+    from . import (
+        box_operators,
+        camera_operators,
+        camera_panel,
+        operators,
+        panels,
+        picture_tools,
+    )
 
     return (
         operators,
+        camera_operators,
+        box_operators,
+        picture_tools,
+        camera_panel,
         panels,
     )
 

@@ -40,7 +40,7 @@ class BoxDrawing:
         """Whether a rectangle is being drawn."""
         return self._corner is not None
 
-    def press(self, u: float, v: float) -> None:
+    def press(self, u: float, v: float, _reach: float = 0.0) -> None:
         """Begin a rectangle at a pixel."""
         if not self.finished:
             self._corner, self._before = self._kept_inside(u, v), self.boxes.get(self.current)

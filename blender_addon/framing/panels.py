@@ -1,58 +1,137 @@
-"""The picture, its model and its boxes, in the sidebar of the 3D view."""
+"""From a picture to an environment in three steps, in the sidebar of the 3D view."""
 
 import textwrap
+from collections.abc import Sequence
 
 import bpy
 
 from ..panel import PlayablePanel
+from .camera_panel import draw_camera
+from .framed import FramedPicture, framed_picture
+from .objects_panel import draw_objects
+from .readiness import CAMERA, OBJECTS, PICTURE, all_missing, edits_of
+from .settings import MODEL_FILE
+from .strip_frames import frame_under_playhead
 
-LABEL_WIDTH = 34
-"""Characters that the sidebar shows at its usual width."""
+CHARACTER = 7.0
+"""Pixels of an average character at Blender's usual interface scale."""
+MARGIN = 60.0
+THUMBNAIL = 6.0
 
 
 class PLAYABLE_PT_environment(PlayablePanel, bpy.types.Panel):
-    """The picture and its model."""
+    """The picture, its camera and its objects."""
 
     bl_label = "Environment"
     bl_idname = "PLAYABLE_PT_environment"
+    bl_order = 0
 
     def draw(self, context: bpy.types.Context) -> None:
-        settings, layout = context.scene.playable_environment, self.layout
-        layout.use_property_split = True
-        layout.prop(settings, "model")
-        _draw_facts(layout, settings)
-        layout.operator("playable.load_model", icon="IMPORT")
-        layout.prop(settings, "image_path")
-        for each in settings.boxes:
-            column = layout.column(align=True)
-            column.label(text=each.name)
-            for index, edge in enumerate(("Left", "Top", "Right", "Bottom")):
-                column.prop(each, "box", index=index, text=edge)
+        layout = self.layout
+        layout.use_property_split, layout.use_property_decorate = True, False
+        edits = edits_of(context)
+        lacks = {each.step: each.text for each in all_missing(context.scene, edits)}
+        seen = framed_picture(context.scene)
+        width = _characters(context)
+        if (body := _step(layout, "1   Picture", lacks.get(PICTURE, ""), width)) is not None:
+            _draw_picture(body, context.scene, edits, width)
+        if (body := _step(layout, "2   Camera", lacks.get(CAMERA, ""), width)) is not None:
+            draw_camera(body, context.scene)
+        if (body := _step(layout, "3   Objects", lacks.get(OBJECTS, ""), width)) is not None:
+            draw_objects(body, context.scene)
+        _draw_warnings(layout, seen, width)
         _draw_ways_in(layout)
-        if settings.root is not None:
-            layout.prop(settings, "root")
+        if context.scene.playable_environment.root is not None:
+            layout.prop(context.scene.playable_environment, "root")
 
 
-def _draw_facts(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:
-    width, height = settings.native_size
-    if not width:
+def _step(
+    layout: bpy.types.UILayout, title: str, lack: str, width: int
+) -> bpy.types.UILayout | None:
+    """A numbered step that can be folded: ticked, or with what it still needs."""
+    header, body = layout.panel(f"PLAYABLE_step_{title[0]}")
+    header.label(text=title, icon="RADIOBUT_OFF" if lack else "CHECKMARK")
+    if body is not None and lack:
+        wrapped(body, lack, "INFO", width)
+    return body
+
+
+def _draw_picture(
+    layout: bpy.types.UILayout,
+    scene: bpy.types.Scene,
+    edits: Sequence[bpy.types.Scene],
+    width: int,
+) -> None:
+    settings = scene.playable_environment
+    framing = settings.framing
+    layout.prop(framing, "model_choice")
+    if framing.model_choice == MODEL_FILE:
+        layout.prop(settings, "model", text="File")
+    _draw_facts(layout, settings, width)
+    layout.row().prop(framing, "picture_source", expand=True)
+    if framing.picture_source == "FILE":
+        layout.prop(settings, "image_path", text="File")
+    elif framing.picture_source == "IMAGE":
+        layout.template_ID(framing, "image", open="image.open")
+    else:
+        _draw_strip(layout, edits)
+    shown = framing.image if framing.picture_source == "IMAGE" else framing.backdrop
+    if shown is not None and shown.preview is not None:
+        layout.template_icon(shown.preview.icon_id, scale=THUMBNAIL)
+    layout.operator("playable.show_picture", icon="HIDE_OFF")
+
+
+def _draw_facts(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, width: int) -> None:
+    columns, rows = settings.native_size
+    if not columns:
+        layout.operator("playable.load_model", icon="IMPORT")
         return
     column = layout.column(align=True)
-    column.label(text=f"{width} x {height}, {settings.steps_per_second:g} steps a second")
-    terms = textwrap.wrap(f"Weights: {settings.licence}", LABEL_WIDTH) if settings.licence else []
-    for line in terms:
-        column.label(text=line)
+    column.label(text=f"{columns} x {rows}, {settings.steps_per_second:g} steps a second")
+    if settings.licence:
+        wrapped(column, f"Weights: {settings.licence}", "NONE", width)
+
+
+def _draw_strip(layout: bpy.types.UILayout, edits: Sequence[bpy.types.Scene]) -> None:
+    try:
+        shown = frame_under_playhead(edits)
+    except ValueError:
+        return
+    layout.label(text=f"{shown.strip.name}, frame {shown.frame}", icon="SEQUENCE")
+
+
+def _draw_warnings(layout: bpy.types.UILayout, seen: FramedPicture | None, width: int) -> None:
+    if seen is None:
+        return
+    texts = [each.text for own in seen.warnings.values() for each in own]
+    texts = [seen.trouble, *texts] if seen.trouble else texts
+    if texts:
+        column = layout.column(align=True)
+        column.label(text="Unlike what the model was trained on:", icon="ERROR")
+        for text in texts:
+            wrapped(column, text, "DOT", width)
 
 
 def _draw_ways_in(layout: bpy.types.UILayout) -> None:
-    # Both say which camera: Blender would repeat the last choice for a button that does not.
     column = layout.column(align=True)
-    own = column.operator("playable.new_environment", icon="OUTLINER_OB_EMPTY")
-    own.camera = "SCENE"
-    usual = column.operator(
-        "playable.new_environment", text="New, from the Usual Camera", icon="CAMERA_DATA"
-    )
-    usual.camera = "USUAL"
+    column.scale_y = 1.6
+    column.operator("playable.open_picture", icon="OUTLINER_OB_EMPTY")
+    other = layout.operator("playable.open_picture", text="New in New Scene", icon="SCENE_DATA")
+    other.new_scene = True
+
+
+def wrapped(layout: bpy.types.UILayout, text: str, icon: str, width: int) -> None:
+    """A label of several lines; labels themselves end where the panel does."""
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    for number, line in enumerate(textwrap.wrap(text, width)):
+        column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else icon)
+
+
+def _characters(context: bpy.types.Context) -> int:
+    """How many characters of a label fit beside an icon."""
+    scale = context.preferences.system.ui_scale
+    return max(int((context.region.width / scale - MARGIN) / CHARACTER), 16)
 
 
 CLASSES = (PLAYABLE_PT_environment,)

@@ -12,6 +12,8 @@ class PointPlacing:
     Attributes:
         points: Per point its pixel; None while it has no place in the picture.
         active: Index of the point that is meant; the number of points for the next new one.
+        sources: Per point which of the points at the start it is; None: a new one.
+        finished: Never by itself: there can always be one more point.
 
     Args:
         points: What there is.
@@ -22,8 +24,11 @@ class PointPlacing:
     def __init__(self, points: Sequence[Pixel | None], active: int, size: tuple[int, int]) -> None:
         self.points: list[Pixel | None] = list(points)
         self.active = min(max(active, 0), len(self.points))
+        self.sources: list[int | None] = list(range(len(self.points)))
+        self.finished = False
         self._size = size
         self._held: int | None = None
+        self._before: Pixel | None = None
 
     @property
     def dragging(self) -> bool:
@@ -36,7 +41,8 @@ class PointPlacing:
         self._held = self._next_to_set() if near is None else near
         if self._held == len(self.points):
             self.points.append(None)
-        self.active = self._held
+            self.sources.append(None)
+        self.active, self._before = self._held, self.points[self._held]
         if near is None:
             self.points[self._held] = self._kept_inside(u, v)
 
@@ -45,18 +51,26 @@ class PointPlacing:
         if self._held is not None:
             self.points[self._held] = self._kept_inside(u, v)
 
-    def release(self) -> None:
-        """Let go; the next click sets the next point without a place."""
+    def release(self, u: float, v: float) -> None:
+        """Let the point stand; the next click sets the next point without a place."""
+        self.move(u, v)
         self._held = None
 
-    def remove(self) -> int | None:
-        """Take the active point away; returns the index that it had."""
-        if not 0 <= self.active < len(self.points):
-            return None
-        gone, self._held = self.active, None
-        del self.points[gone]
-        self.active = min(gone, len(self.points))
-        return gone
+    def let_go(self) -> None:
+        """Put the point in the hand back; one that had no place has none again."""
+        if self._held is not None:
+            self.points[self._held], self._held = self._before, None
+
+    def advance(self) -> None:
+        """Mean the next point; after the last one, a new one."""
+        self.let_go()
+        self.active = (self.active + 1) % (len(self.points) + 1)
+
+    def remove(self) -> None:
+        """Take the active point away."""
+        self.let_go()
+        if self.active < len(self.points):
+            del self.points[self.active], self.sources[self.active]
 
     def nearest(self, u: float, v: float, reach: float) -> int | None:
         """The point nearest to a pixel, no farther than `reach`."""

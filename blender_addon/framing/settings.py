@@ -5,7 +5,9 @@ Kept with the scene, so that a file tells how its environment was made and undo 
 
 import json
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import lru_cache
+from pathlib import Path
 
 import bpy
 from bpy.props import (
@@ -149,6 +151,11 @@ class FramingSettings(bpy.types.PropertyGroup):
         name="Clip", description="Movie clip with tracking markers", type=bpy.types.MovieClip
     )
     tracked: CollectionProperty(type=TrackedObject)
+    is_open: BoolProperty(
+        name="Framing",
+        description="Whether the picture is being framed again since it was last encoded",
+        options={"HIDDEN"},
+    )
     facts_text: StringProperty(description="What the model told, JSON", options={"HIDDEN"})
 
     @property
@@ -160,6 +167,20 @@ class FramingSettings(bpy.types.PropertyGroup):
         """Keep a loaded model's facts, so that no redraw asks the worker."""
         self.facts_text = json.dumps(facts.as_fields())
         self.list_tracked(facts.playable_names)
+
+    def note_path(self, path: str) -> None:
+        """Look at the picture file that was chosen: its size is known, and cameras show it."""
+        full, before = bpy.path.abspath(path), self.backdrop
+        self.is_open, self.backdrop = True, None
+        with suppress(RuntimeError):
+            if path and Path(full).is_file():
+                self.backdrop = bpy.data.images.load(full, check_existing=True)
+        if before is None or before == self.backdrop:
+            return
+        for holder in {self.own_camera, self.camera, self.id_data.camera} - {None}:
+            for each in holder.data.background_images if holder.data.is_editable else ():
+                if each.image == before:
+                    each.image = self.backdrop
 
     def list_tracked(self, names: Iterable[str]) -> None:
         """Have a line for the tracks of each of these objects; what was typed already stays."""

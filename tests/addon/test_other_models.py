@@ -180,7 +180,7 @@ def test_the_usual_camera_stands_in_the_environment_wherever_that_is(scene, pict
 def test_a_picture_that_cannot_be_encoded_leaves_no_camera_behind(scene, picture):
     bpy.data.objects.remove(scene.camera)
     sky = json.dumps({"player_1": [10, -9, 20, -2]})
-    with pytest.raises(RuntimeError, match="horizon"):
+    with pytest.raises(RuntimeError, match="outside the picture"):
         bpy.ops.playable.new_environment(image=str(picture), model="fake", boxes=sky)
     assert scene.camera is None and not bpy.data.cameras.get("Environment Camera")
 

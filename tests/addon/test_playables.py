@@ -85,7 +85,7 @@ def test_a_second_picture_keeps_empties_and_their_action_keys(environment, pictu
         ('{"player_1": [1, 2, 3]}', "four numbers"),
         ('{"player_9": [1, 2, 3, 4]}', "there is no 'player_9'"),
         ('{"player_1": [10, 10, 10, 30]}', "no area"),
-        ('{"player_1": [10, -9, 20, -2]}', "horizon"),
+        ('{"player_1": [10, -9, 20, -2]}', "outside the picture"),
     ],
 )
 def test_impossible_boxes_are_refused_with_a_reason(scene, picture, boxes, message):
