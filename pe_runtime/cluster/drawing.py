@@ -50,7 +50,8 @@ def versions() -> dict[str, str]:
 
 def endings(job: Job) -> tuple[str, ...]:
     """Files of a frame, in the order in which they are put in place."""
-    return (".exr", ".png") if job.depth or job.masks else (".png",)
+    passes = job.depth or job.masks or job.layers or job.background
+    return (".exr", ".png") if passes else (".png",)
 
 
 def draw(parcel: bytes, place: Workplace) -> Answer:
@@ -82,7 +83,9 @@ def draw(parcel: bytes, place: Workplace) -> Answer:
 
 
 def _draw_frame(world: PlayableEnvironment, job: Job, order: FrameOrder) -> Files:
-    options = RenderOptions(job.quality, job.depth, job.masks)
+    options = RenderOptions(
+        job.quality, job.depth, job.masks, job.region, job.layers, job.background
+    )
     frame = world.render(order.state, order.camera, options)
     # Through files, since that is what a single machine would write, to the byte.
     with tempfile.TemporaryDirectory() as folder:

@@ -28,6 +28,9 @@ class Job:
     quality: str
     depth: bool
     masks: tuple[str, ...]
+    region: tuple[int, int, int, int] | None = None
+    layers: tuple[str, ...] = ()
+    background: bool = False
     threads: int | None = None
     """Threads to draw with; None for as many as the worker was given."""
     seconds: float = 10.0
@@ -88,7 +91,9 @@ def unpack(parcel: bytes) -> tuple[Job, list[FrameOrder]]:
         )
         for each in content["frames"]
     ]
-    return Job(**job | {"masks": tuple(job["masks"])}), orders
+    region = job["region"] and tuple(job["region"])
+    lists = {"masks": tuple(job["masks"]), "layers": tuple(job["layers"]), "region": region}
+    return Job(**job | lists), orders
 
 
 def answer_as_dict(answer: Answer) -> dict[str, Any]:

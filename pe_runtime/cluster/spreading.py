@@ -101,6 +101,9 @@ class Dispatch:
             quality=plan.prepared.shot.quality,
             depth=options.depth,
             masks=options.masks,
+            region=options.region,
+            layers=options.layers,
+            background=options.background,
             threads=connection.threads,
         )
         self._out: dict[Future, tuple[int, ...]] = {}

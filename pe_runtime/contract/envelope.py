@@ -7,6 +7,8 @@ from typing import Any
 
 Span = tuple[float, float]
 """Lowest and highest value."""
+ENVELOPE_KEY = "envelope"
+"""Of a model file's header."""
 Corner = tuple[float, float]
 """x and y."""
 

@@ -73,11 +73,17 @@ class PersonDetector:
     def __init__(self, network: SilhouetteNetwork, width: int) -> None:
         self.network, self.width = network.eval(), width
 
-    @torch.inference_mode()
     def silhouette(
         self, picture: Float[np.ndarray, "height width 3"]
     ) -> Bool[np.ndarray, "height width"]:
         """Pixels that show a person."""
+        return self.logits(picture) > 0
+
+    @torch.inference_mode()
+    def logits(
+        self, picture: Float[np.ndarray, "height width 3"]
+    ) -> Float[np.ndarray, "height width"]:
+        """Per pixel how sure it is that it shows a person, as a logit."""
         height, width = picture.shape[:2]
         share = self.width / width
         size = (self.width, max(1, round(height * share)))
@@ -89,7 +95,7 @@ class PersonDetector:
         logits = logits[: size[1], : size[0]].numpy()
         if share != 1:
             logits = cv2.resize(logits, (width, height), interpolation=cv2.INTER_LINEAR)
-        return logits > 0
+        return logits
 
     def __call__(self, picture: Float[np.ndarray, "height width 3"]) -> list[Box]:
         """Boxes of the people in a picture, (left, top, right, bottom) pixel edges."""

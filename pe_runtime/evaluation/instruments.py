@@ -25,12 +25,10 @@ from pe_runtime.evaluation.learnt_features import (
     load_lpips,
 )
 from pe_runtime.evaluation.random_features import RandomPerception
-from pe_runtime.evaluation.rules import RULES
+from pe_runtime.evaluation.rules import OWN_DETECTOR, RULES
 from pe_runtime.evaluation.subject import boxes_of
 from pe_runtime.kept_frames import Frame
 
-OWN_DETECTOR = Path(__file__).with_name("people.safetensors")
-"""Trained on recordings of the scene `duel`; see `people.md`."""
 DETECTORS = ("own", "hog", "masks", "none")
 
 Distance = Callable[[np.ndarray, np.ndarray], float]

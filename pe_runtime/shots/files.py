@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.shot import Shot
 from pe_runtime.environment import Frame
@@ -150,14 +152,39 @@ def frame_path(folder: Path, frame: int) -> Path:
 def write_frame(folder: Path, number: int, frame: Frame, digest: str) -> None:
     """Write a frame's picture, and beside it its passes if it has any."""
     path, metadata = frame_path(folder, number), {DIGEST_KEY: digest}
-    if frame.depth is not None or frame.masks:
-        linear = linear_from_srgb(frame.rgb)
-        channels = {name: linear[..., index] for index, name in enumerate("RGB")}
-        if frame.depth is not None:
-            channels["Z"] = frame.depth
-        channels |= {f"mask.{name}": mask for name, mask in frame.masks.items()}
-        write_exr(path.with_suffix(".exr"), channels, metadata)
+    if has_passes(frame):
+        write_exr(path.with_suffix(".exr"), exr_channels(frame), metadata)
     write_png(path, frame.rgb, metadata)
+
+
+def has_passes(frame: Frame) -> bool:
+    """Whether a frame holds more than its picture."""
+    return (
+        frame.depth is not None or frame.background is not None or bool(frame.masks | frame.layers)
+    )
+
+
+def exr_channels(frame: Frame) -> dict[str, np.ndarray]:
+    """A frame's channels by the names that compositing programs know, linear.
+
+    R, G, B; Z in metres; `mask.NAME`; `background.R` and so on; `layer.NAME.R` to `.A`, whose
+    colours carry their alpha (premultiplied), as is the rule in EXR files.
+    """
+    channels = _coloured("", linear_from_srgb(frame.rgb))
+    if frame.depth is not None:
+        channels["Z"] = frame.depth
+    channels |= {f"mask.{name}": mask for name, mask in frame.masks.items()}
+    if frame.background is not None:
+        channels |= _coloured("background.", linear_from_srgb(frame.background))
+    for name, layer in frame.layers.items():
+        alpha = layer[..., 3]
+        channels |= _coloured(f"layer.{name}.", linear_from_srgb(layer[..., :3]) * alpha[..., None])
+        channels[f"layer.{name}.A"] = alpha
+    return channels
+
+
+def _coloured(prefix: str, linear: np.ndarray) -> dict[str, np.ndarray]:
+    return {f"{prefix}{name}": linear[..., index] for index, name in enumerate("RGB")}
 
 
 def _is_current(folder: Path, frame: int, shot: Shot, digest: str) -> bool:

@@ -11,7 +11,7 @@ from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 from pe_runtime.contract.shot import Shot
 from pe_runtime.environment import Frame, RenderOptions
 from pe_runtime.shots.rollout import PreparedShot, World
-from pe_runtime.state import EnvironmentState, hide, move, restyle, turn
+from pe_runtime.state import EnvironmentState, hide, move, repose, restyle, turn
 
 RENDERER_VERSION = 1
 """Raise when the same inputs give other pixels, so that stored frames are drawn again."""
@@ -27,10 +27,10 @@ class RenderCancelledError(PlayableEnvironmentError):
 
 def frame_state(prepared: PreparedShot, frame: int) -> EnvironmentState:
     """What stands where in a frame: the prediction with the shot's overrides applied."""
-    state = prepared.rollout.at(frame)
+    state = predicted = prepared.rollout.at(frame)
     index = frame - prepared.shot.frame_start
     for track in prepared.shot.objects:
-        own = state[track.name]
+        own = predicted[track.name]
         if track.locations is not None:
             place = torch.tensor(track.locations[index], dtype=own.position.dtype)
             state = move(state, track.name, place.to(own.position.device))
@@ -38,6 +38,9 @@ def frame_state(prepared: PreparedShot, frame: int) -> EnvironmentState:
             state = turn(state, track.name, track.headings[index])
         if track.visible is not None and not track.visible[index]:
             state = hide(state, track.name)
+        held = track.pose_at(frame)
+        if held is not None:
+            state = repose(state, track.name, prepared.rollout.at(held)[track.name].pose)
         mixes = track.styles_at(frame)
         if any(mix.weight > 0 for mix in mixes):
             style = own.style * (1.0 - sum(mix.weight for mix in mixes))
@@ -65,8 +68,15 @@ def select_frames(shot: Shot, frames: Iterable[int] | None) -> list[int]:
 
 
 def render_options(shot: Shot) -> RenderOptions:
-    """Quality and passes of a shot, as the environment takes them."""
-    return RenderOptions(quality=shot.quality, depth=shot.wants_depth, masks=shot.mask_names)
+    """Quality, region and passes of a shot, as the environment takes them."""
+    return RenderOptions(
+        quality=shot.quality,
+        depth=shot.wants_depth,
+        masks=shot.mask_names,
+        region=shot.region,
+        layers=shot.layer_names,
+        background=shot.wants_background,
+    )
 
 
 def render_frames(
@@ -121,6 +131,8 @@ def frame_digest(model: str, prepared: PreparedShot, frame: int) -> str:
         "quality": shot.quality,
         "passes": shot.passes,
     }
+    # Left out where there is none: files that were drawn before regions were known stay current.
+    content |= {} if shot.region is None else {"region": shot.region}
     digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
     state = frame_state(prepared, frame)
     for name in sorted(state.objects):

@@ -48,6 +48,11 @@ class Rollout:
     states: tuple[EnvironmentState, ...]
     """One per frame."""
 
+    @property
+    def frames(self) -> range:
+        """All frames that are predicted."""
+        return range(self.frame_start, self.frame_start + len(self.states))
+
     def at(self, frame: int) -> EnvironmentState:
         """Predicted state of a frame."""
         return self.states[frame - self.frame_start]
@@ -59,6 +64,7 @@ class PreparedShot:
 
     shot: Shot
     rollout: Rollout
+    """What is predicted, one state per frame: of a take, for the whole that it is a part of."""
     lenders: Mapping[str | None, EnvironmentState]
     """States that lend styles, by file; None is the shot's own start."""
 
@@ -76,20 +82,39 @@ def prepare_shot(world: World, shot: Shot, predicted: Rollout | None = None) -> 
     """
     if predicted is None:
         predicted = rollout(world, start_state(world, shot.start), shot)
-    start = predicted.states[0]
     files = {mix.image for track in shot.objects for mix in track.styles}
-    lenders = {path: start if path is None else read_state(path) for path in files}
+    lent = {path: read_state(path) for path in files if path is not None}
+    return prepared_from(shot, predicted, lent)
+
+
+def prepared_from(
+    shot: Shot, predicted: Rollout, lent: Mapping[str, EnvironmentState]
+) -> PreparedShot:
+    """A shot over a prediction: its own, or that of a whole that it is a take of.
+
+    Args:
+        shot: The job.
+        predicted: States of all its frames, and of others if it is a take.
+        lent: The states that lend styles, by file.
+
+    Raises:
+        ShotError: The shot asks for objects, styles or poses that do not exist.
+    """
+    start = predicted.states[0]
+    _check_named(shot, start)
+    lenders = {None: start, **lent}
     _check_styles(shot, start, lenders)
+    _check_poses(shot, predicted)
     return PreparedShot(shot, predicted, lenders)
 
 
 def rollout_key(shot: Shot) -> str:
     """A digest of all that decides a rollout: two shots with the same key share theirs.
 
-    The files of the start count by content, overrides, passes and quality not at all.
+    The files of the start count by content, overrides, passes, region and quality not at all.
     """
     tracks = tuple(ObjectTrack(track.name, track.actions) for track in shot.objects)
-    reduced = dataclasses.replace(shot, objects=tracks, quality="exact", passes=())
+    reduced = dataclasses.replace(shot, objects=tracks, quality="exact", passes=(), region=None)
     digest = hashlib.sha256(reduced.digest().encode())
     path = Path(shot.start.state or shot.start.image)
     if path.is_file():
@@ -195,13 +220,30 @@ def _check_objects(world: World, shot: Shot, start: EnvironmentState) -> None:
                 f"the start has no object {name!r} of this model (found "
                 f"{', '.join(start.objects)}); encode the picture with this model"
             )
+    _check_named(shot, start)
+    for name in shot.layer_names:
+        if name not in world.playable_names:
+            _refuse_name("layers", name, world.playable_names)
+
+
+def _check_named(shot: Shot, start: EnvironmentState) -> None:
     for what, names in (
         ("objects", [track.name for track in shot.objects]),
-        ("passes", shot.mask_names),
+        ("passes", (*shot.mask_names, *shot.layer_names)),
     ):
         for name in names:
             if name not in start.objects:
                 _refuse_name(what, name, start.objects)
+
+
+def _check_poses(shot: Shot, predicted: Rollout) -> None:
+    for track in shot.objects:
+        for key in track.poses:
+            if key.held is not None and key.held not in predicted.frames:
+                raise ShotError(
+                    f"{track.name!r} holds the pose of frame {key.held} from frame {key.frame} "
+                    f"on; the shot has frames {predicted.frames[0]} to {predicted.frames[-1]}"
+                )
 
 
 def _check_styles(

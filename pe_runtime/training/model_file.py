@@ -12,7 +12,9 @@ from pe_runtime.action.description import KnownActions, describe_actions
 from pe_runtime.action.module import ActionModule
 from pe_runtime.checkpoint import load_checkpoint, save_checkpoint
 from pe_runtime.config import ModelConfig, as_dict, from_dict
+from pe_runtime.contract.envelope import ENVELOPE_KEY
 from pe_runtime.contract.errors import ConfigError
+from pe_runtime.curation.envelope import known_envelope
 from pe_runtime.dataset import Clips
 from pe_runtime.networks import SynthesisNetworks
 from pe_runtime.training.action_config import ActionTrainingConfig
@@ -95,7 +97,9 @@ def train_model_actions(
         "actions": described,
         "action_names": {n: [d["name"] for d in each] for n, each in described.items()},
     }
-    write_model(path, config, networks, modules, facts, judges)
+    # Of the pictures that the drawing was learnt from, where the file knows them.
+    own = {ENVELOPE_KEY: header[ENVELOPE_KEY]} if ENVELOPE_KEY in header else known_envelope(clips)
+    write_model(path, config, networks, modules, facts | own, judges)
     return path
 
 

@@ -10,6 +10,7 @@ import torch
 
 from pe_runtime.checkpoint import load_checkpoint, save_checkpoint
 from pe_runtime.config import ModelConfig, SynthesisConfig, as_dict
+from pe_runtime.curation.envelope import known_envelope
 from pe_runtime.dataset import Clips
 from pe_runtime.networks import SynthesisNetworks
 from pe_runtime.training.loop import Log, Moment, Schedule, run
@@ -75,6 +76,7 @@ def train_synthesis(
     networks.eval()
     if team.leads:
         header: dict[str, Any] = {"kind": "synthesis", "config": as_dict(model), "steps": steps}
+        header |= known_envelope(data[0])
         with phase.octaves.in_weights():
             save_checkpoint(output / "synthesis.safetensors", prefixed(networks), header)
     team.wait()

@@ -21,7 +21,7 @@ from pe_runtime.evaluation.detector_training import (
     silhouette_loss,
     train_detector,
 )
-from pe_runtime.evaluation.instruments import OWN_DETECTOR
+from pe_runtime.evaluation.rules import OWN_DETECTOR
 from pe_runtime.images import read_image, write_png
 
 
