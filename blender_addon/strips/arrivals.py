@@ -5,6 +5,7 @@ Blender calls the handlers off the main thread, so they touch files and numbers 
 
 import time
 from collections import deque
+from collections.abc import Callable
 from pathlib import Path
 
 import bpy
@@ -55,11 +56,11 @@ class Arrivals:
         return self
 
     def __exit__(self, *_: object) -> None:
-        stop_reasons.pop(self._job.scene_name, None)
         for place, handler in self._pairs:
             if handler in place:  # opening a file clears all but the lasting ones
                 place.remove(handler)
         self._guarded(self._note)
+        stop_reasons.pop(self._job.scene_name, None)
 
     def _on_write(self, *_: object) -> None:
         if not self.fault and self._waiting:
@@ -71,11 +72,17 @@ class Arrivals:
     def _on_cancel(self, *_: object) -> None:
         self.ended = self.cancelled = True
 
-    def _guarded(self, work: object) -> None:
+    def _guarded(self, work: Callable[[], None]) -> None:
         try:
             work()
-        except (PlayableEnvironmentError, OSError) as error:
+        except PlayableEnvironmentError as error:
             self.fault = self.fault or str(error)
+        except OSError as error:
+            self.fault = self.fault or (
+                f"cannot put a frame into {self._job.folder} ({error}); free some space or choose "
+                "another frames folder, finished frames are kept"
+            )
+        if self.fault:
             stop_reasons[self._job.scene_name] = self.fault
 
     def _place(self) -> None:

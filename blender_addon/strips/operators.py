@@ -5,8 +5,6 @@ import json
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-import pe_runtime
-
 from ..session import session
 from ..worker_operator import Result, allowed, model_path
 from .job import RangeJob, source_of
@@ -121,7 +119,7 @@ def show_in_sequencer(
         job.files,
         job.frame_start + strips.frame_offset,
         strips.channel,
-        _provenance(scene, job) if outcome.drawn else None,
+        _provenance(scene, job, outcome.drawn > 0),
     )
     strip = place_strip(target, plan)
     leave_sequencer_out(target)
@@ -133,9 +131,9 @@ def show_in_sequencer(
     return strip
 
 
-def _provenance(scene: bpy.types.Scene, job: RangeJob) -> Provenance:
+def _provenance(scene: bpy.types.Scene, job: RangeJob, drawn: bool) -> Provenance:
     facts = session.facts(model_path(scene.playable_environment.model))
-    return provenance_of(scene, job, facts, pe_runtime.__version__)
+    return provenance_of(scene, job, facts, drawn)
 
 
 def _can_render(operator: type, scene: bpy.types.Scene) -> bool:

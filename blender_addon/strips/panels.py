@@ -79,10 +79,12 @@ class PLAYABLE_PT_strip(bpy.types.Panel):
 def _draw_passes(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     column = layout.column(heading="Passes")
     column.prop(context.view_layer, "use_pass_z", text="Depth")
+    column.prop(context.scene.playable_environment, "use_background")
     for each in context.scene.objects:
         if each.playable.is_playable:
-            row = column.row(align=True)
-            row.prop(each.playable, "use_mask", text=f"Mask of {each.name}")
+            row = layout.row(align=True, heading=each.name, translate=False)
+            row.prop(each.playable, "use_mask", toggle=True)
+            row.prop(each.playable, "use_layer", toggle=True)
 
 
 def _draw_buttons(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup) -> None:

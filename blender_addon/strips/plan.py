@@ -13,7 +13,7 @@ from ..session import session
 from ..worker_client import OnProgress, ShouldStop
 from .job import RangeJob
 from .manifest import FILE_NAME, FrameNote, Manifest, read_manifest
-from .whole_files import check_png, facts_of
+from .whole_files import FileFacts, facts_of
 
 
 @dataclass(frozen=True)
@@ -80,22 +80,21 @@ def plan_job(wish: Wish, should_stop: ShouldStop, on_progress: OnProgress) -> Pl
         ForeignFilesError: Files would be lost that this job has not written.
         WorkerError: The worker fails, for example because the model is missing.
     """
-    wanted = _asked_digests(wish, should_stop, on_progress)
+    digests = _asked_digests(wish, should_stop, on_progress)
     manifest = read_manifest(wish.job.folder)
     drawn, foreign = [], []
     for done, frame in enumerate(wish.job.frames):
         on_progress("comparing", done, len(wish.job.frames))
-        path = wish.job.file(frame)
-        note = manifest.frames.get(frame)
-        content = path.read_bytes() if path.is_file() else None
-        is_foreign = content is not None and not _is_ours(content, note, wish.job.id)
-        foreign += [path] if is_foreign else []
-        same = content is not None and _shows(content, note, wanted.get(frame), wish.size, path)
-        if wish.everything or is_foreign or not same:
-            drawn.append(frame)
+        path, note = wish.job.file(frame), manifest.frames.get(frame)
+        found = facts_of(path.read_bytes()) if path.is_file() else None
+        if found is not None and not _is_ours(found, note, wish.job.id):
+            foreign.append(path)
+        elif not wish.everything and _shows(found, note, digests.get(frame, "")):
+            continue
+        drawn.append(frame)
     if foreign and not wish.overwrite:
         raise ForeignFilesError(foreign)
-    return Plan(tuple(drawn), wanted, wish.size, _warnings(wish, manifest))
+    return Plan(tuple(drawn), digests, wish.size, _warnings(wish, manifest))
 
 
 def foreign_files(job: RangeJob) -> list[Path]:
@@ -129,23 +128,15 @@ def _sealed(digest: str, settings: str) -> str:
     return hashlib.sha256(f"{digest}\n{settings}".encode()).hexdigest()
 
 
-def _is_ours(content: bytes, note: FrameNote | None, job: str) -> bool:
-    if note is None or note.job != job:
-        return False
-    return note.file is None or note.file == facts_of(content)
+def _is_ours(found: FileFacts, note: FrameNote | None, job: str) -> bool:
+    return note is not None and note.job == job and note.file in (None, found)
 
 
-def _shows(
-    content: bytes, note: FrameNote | None, digest: str | None, size: tuple[int, int], path: Path
-) -> bool:
+def _shows(found: FileFacts | None, note: FrameNote | None, digest: str) -> bool:
     """Whether a file is the very one that would be drawn."""
-    if not digest or note is None or note.file is None or note.digest != digest:
+    if found is None or note is None or not digest:
         return False
-    try:
-        check_png(content, size, path)
-    except ShotError:
-        return False
-    return True
+    return note.digest == digest and note.file == found
 
 
 def _warnings(wish: Wish, manifest: Manifest) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 
 import bpy
 
+import pe_runtime
 from pe_runtime.contract.model_facts import ModelFacts
 
 from ..bake import bake_of
@@ -46,9 +47,16 @@ class Provenance:
 
 
 def provenance_of(
-    scene: bpy.types.Scene, job: RangeJob, facts: ModelFacts, version: str
+    scene: bpy.types.Scene, job: RangeJob, facts: ModelFacts, drawn: bool
 ) -> Provenance:
-    """What a scene's job is rendered from, as of now."""
+    """What a scene's job is rendered from.
+
+    Args:
+        scene: The scene.
+        job: Its job.
+        facts: Its model.
+        drawn: Whether any frame was drawn just now.
+    """
     settings = scene.playable_environment
     bake = bake_of(settings)
     state = settings.state_text.as_string() if settings.state_text is not None else ""
@@ -59,8 +67,8 @@ def provenance_of(
         shot=bake.shot.digest(),
         camera=", ".join(_cameras(scene, job)),
         quality=settings.quality,
-        version=version,
-        rendered=datetime.now(UTC).isoformat(timespec="seconds"),
+        version=pe_runtime.__version__,
+        rendered=datetime.now(UTC).isoformat(timespec="seconds") if drawn else "",
         scene=scene.name,
     )
 
@@ -68,7 +76,9 @@ def provenance_of(
 def note_provenance(strip: bpy.types.Strip, provenance: Provenance) -> None:
     """Write it on a strip."""
     for name, value in dataclasses.asdict(provenance).items():
-        strip[PREFIX + name] = value
+        # Frames that were up to date keep the time at which they were drawn.
+        if value or PREFIX + name not in strip:
+            strip[PREFIX + name] = value
 
 
 def read_provenance(strip: bpy.types.Strip) -> dict[str, str]:

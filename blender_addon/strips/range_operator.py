@@ -12,7 +12,7 @@ from ..worker_operator import Result, end_modal, failed, show_progress, start_mo
 from .job import RangeJob, claim_job, job_for
 from .placing import show_new_pixels
 from .plan import ForeignFilesError, foreign_files
-from .running import Outcome, Progress, Running, run_job, shown_progress
+from .running import Begin, Outcome, Progress, Running, run_job, shown_progress
 from .target import check_target
 
 TURN_SECONDS = 0.005
@@ -106,7 +106,7 @@ class RangeOperator:
         """Blender takes the operator away: a file is opened, or Blender quits."""
         self._end(context)
 
-    def _start(self, context: bpy.types.Context, begin: object) -> Running:
+    def _start(self, context: bpy.types.Context, begin: Begin) -> Running:
         scene = self.source(context)
         if scene.library is not None:
             raise ShotError(f"scene {scene.name!r} is linked from another file; render it there")
@@ -170,12 +170,14 @@ def redraw(context: bpy.types.Context) -> None:
 
 
 def _drained(running: Running) -> Outcome:
-    while True:
-        try:
+    try:
+        while True:
             next(running)
-        except StopIteration as end:
-            return end.value
-        time.sleep(TURN_SECONDS)
+            time.sleep(TURN_SECONDS)
+    except StopIteration as end:
+        return end.value
+    finally:
+        running.close()
 
 
 def _render_now(scene_name: str) -> bool:
