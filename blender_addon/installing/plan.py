@@ -40,7 +40,7 @@ class Cost:
 
 COSTS = {
     CPU: Cost(330 * 10**6, 1_800 * 10**6),
-    GPU: Cost(3 * GIGABYTE, 10 * GIGABYTE),
+    GPU: Cost(1_500 * 10**6, 7 * GIGABYTE),
 }
 
 

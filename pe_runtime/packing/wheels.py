@@ -50,9 +50,13 @@ def requirements() -> tuple[str, ...]:
     return tuple(line for line in lines if line and not line.startswith("#"))
 
 
-def wheel(name: str, contents: Contents, needs: tuple[str, ...] = ()) -> tuple[str, bytes]:
-    """File name and bytes of a pure-Python wheel, without scripts, in the runtime's version."""
-    version = pe_runtime.__version__
+def wheel(
+    name: str,
+    contents: Contents,
+    needs: tuple[str, ...] = (),
+    version: str = pe_runtime.__version__,
+) -> tuple[str, bytes]:
+    """File name and bytes of a pure-Python wheel without scripts."""
     stem = f"{name.replace('-', '_')}-{version}"
     about = ["Metadata-Version: 2.1", f"Name: {name}", f"Version: {version}"]
     about += ["Requires-Python: >=3.11", *(f"Requires-Dist: {need}" for need in needs)]
