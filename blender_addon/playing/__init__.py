@@ -2,9 +2,9 @@
 
 
 def _parts() -> tuple:
-    from . import claim_operators, key_operators, keymap, operators, panels
+    from . import claim_operators, key_operators, operators, panels
 
-    return operators, key_operators, claim_operators, panels, keymap
+    return operators, key_operators, claim_operators, panels
 
 
 def register() -> None:

@@ -16,34 +16,44 @@ VIEW = ("Object Non-modal", "EMPTY")
 ACT, DELETE, NEXT = "playable.do_action", "playable.delete_action_key", "playable.next_object"
 
 
-def _keymaps() -> object:
-    """Blender's keymaps of add-ons; empty where there is no window manager yet."""
-    keyconfig = bpy.data.window_managers[0].keyconfigs.addon if bpy.data.window_managers else None
-    return keyconfig.keymaps if keyconfig is not None else ()
+def add_keys(manager: bpy.types.WindowManager) -> None:
+    """Add the keys to Blender's.
 
-
-def _add(place: tuple[str, str], operator: str, key: str, **settings: object) -> None:
-    keymap = _keymaps().new(name=place[0], space_type=place[1])
-    item = keymap.keymap_items.new(operator, key, "PRESS")
-    for setting, value in settings.items():
-        setattr(item.properties, setting, value)
-
-
-def register() -> None:
-    """Add the keys to Blender's."""
-    if _keymaps() == ():
+    Args:
+        manager: The context's: while an add-on is being enabled, `bpy.data` gives none.
+    """
+    if _keymaps(manager) is None:
         return
     for place in EDITORS:
         for number, digit in enumerate(DIGITS):
-            _add(place, ACT, digit, action=number)
-        _add(place, DELETE, "ZERO")
-    _add(VIEW, NEXT, "TAB")
+            _add(manager, place, ACT, digit, action=number)
+        _add(manager, place, DELETE, "ZERO")
+    _add(manager, VIEW, NEXT, "TAB")
 
 
-def unregister() -> None:
+def remove_keys(manager: bpy.types.WindowManager) -> None:
     """Take them away again."""
     # Looked for anew: Blender may have made its keymaps anew since, with another file.
-    for keymap in _keymaps():
+    for keymap in _keymaps(manager) or ():
         for item in list(keymap.keymap_items):
             if item.idname in (ACT, DELETE, NEXT):
                 keymap.keymap_items.remove(item)
+
+
+def _keymaps(manager: bpy.types.WindowManager) -> bpy.types.KeyMaps | None:
+    """Blender's keymaps of add-ons; None where it has none, as in the background."""
+    keyconfig = manager.keyconfigs.addon
+    return None if keyconfig is None else keyconfig.keymaps
+
+
+def _add(
+    manager: bpy.types.WindowManager,
+    place: tuple[str, str],
+    operator: str,
+    key: str,
+    **settings: object,
+) -> None:
+    keymap = _keymaps(manager).new(name=place[0], space_type=place[1])
+    item = keymap.keymap_items.new(operator, key, "PRESS")
+    for setting, value in settings.items():
+        setattr(item.properties, setting, value)

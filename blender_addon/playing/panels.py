@@ -10,6 +10,7 @@ from ..bake import bake_of
 from ..panel import PlayablePanel
 from ..scene_bridge import action_names
 from ..settings import action_items
+from . import keymap
 from .action_keys import keyed_frames
 from .claims import free_names, left_out, other_claims
 from .directions import direction_icons
@@ -128,12 +129,14 @@ CLASSES = (PLAYABLE_PT_object, PLAYABLE_PT_paths)
 
 
 def register() -> None:
-    """Register the panels."""
+    """Register the panels, and the keys of the keyboard."""
     for each in CLASSES:
         bpy.utils.register_class(each)
+    keymap.add_keys(bpy.context.window_manager)
 
 
 def unregister() -> None:
     """Undo `register`."""
+    keymap.remove_keys(bpy.context.window_manager)
     for each in reversed(CLASSES):
         bpy.utils.unregister_class(each)
