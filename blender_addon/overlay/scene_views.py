@@ -7,15 +7,38 @@ import bpy
 from pe_runtime.contract.shot import Shot
 
 from ..bake import Bake, bake_of
-from ..scene_bridge import action_names, playable_objects
+from ..framing.cameras import seen_by
+from ..framing.framed import framed_picture
+from ..scene_bridge import action_names, playable_objects, world_from_environment
 from ..volumes import volumes_in
 from .foreseen_paths import Foresight, Path
+from .framed_view import view_of
 from .picture_marks import PictureView
+
+_views: dict[str, tuple[tuple, PictureView]] = {}
+_foresights: dict[str, tuple[object, Foresight]] = {}
 
 
 def picture_view_of(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> PictureView | None:
-    """The picture that a scene is being made from; None where there is none, or it is made."""
-    return None
+    """The picture that a scene is being made from; None where there is none, or it is made.
+
+    The same one as long as nothing has changed.
+    """
+    framed = framed_picture(scene)
+    if framed is None:
+        return None
+    eye = framed.camera
+    if eye is None:
+        holder = scene.objects.get(framed.holder)
+        if holder is None:
+            return None
+        matrix = world_from_environment(depsgraph)
+        eye = seen_by(holder.evaluated_get(depsgraph), scene.render, matrix, framed.size)
+    source, view = _views.get(scene.name, (None, None))
+    if source is None or source[0] is not framed or source[1] != eye:
+        view = view_of(framed, eye)
+        _views[scene.name] = (framed, eye), view
+    return view
 
 
 def foresight_of(scene: bpy.types.Scene) -> Foresight | None:
@@ -29,11 +52,8 @@ def foresight_of(scene: bpy.types.Scene) -> Foresight | None:
     return _foresight(scene, bake_of(settings))
 
 
-_remembered: dict[str, tuple[object, Foresight]] = {}
-
-
 def _foresight(scene: bpy.types.Scene, bake: Bake) -> Foresight:
-    source, found = _remembered.get(scene.name, (None, None))
+    source, found = _foresights.get(scene.name, (None, None))
     if source is bake and found.now == scene.frame_current:
         return found
     objects, volumes = playable_objects(scene), volumes_in(scene)
@@ -50,7 +70,7 @@ def _foresight(scene: bpy.types.Scene, bake: Bake) -> Foresight:
     )
     per_step = shot.fps / scene.playable_environment.steps_per_second
     made = Foresight(paths, shot.frame_start, scene.frame_current, per_step)
-    _remembered[scene.name] = bake, made
+    _foresights[scene.name] = bake, made
     return made
 
 

@@ -1,0 +1,58 @@
+"""What framing knows of a picture, as the overlay shows it: verdicts, wrapped words, marks."""
+
+import textwrap
+from collections.abc import Sequence
+
+from pe_runtime.contract.camera import Camera
+
+from ..framing.framed import FramedPicture
+from ..framing.warnings import FramingWarning
+from .picture_marks import FINE, IMPOSSIBLE, OUTSIDE, GroundMark, PictureBox, PictureView
+
+LINE_LENGTH = 46
+"""Letters of a warning's line."""
+
+
+def view_of(framed: FramedPicture, eye: Camera) -> PictureView:
+    """A framed picture as the overlay draws it.
+
+    Args:
+        framed: What is known of it.
+        eye: The camera that saw it or, while that is unknown, the one that one looks through.
+    """
+    facts, about_camera = framed.facts, framed.warnings.get("", ())
+    known = facts.envelope if facts else None
+    said = {name: framed.warnings.get(name, ()) for name in framed.boxes}
+    boxes = tuple(
+        PictureBox(name, box, verdict_of(said[name]), words_of(said[name]))
+        for name, box in framed.boxes.items()
+    )
+    verdict, words = verdict_of(about_camera), words_of(about_camera)
+    if framed.trouble:
+        verdict, words = IMPOSSIBLE, _wrapped(framed.trouble)
+    return PictureView(
+        eye,
+        boxes,
+        facts.volumes if facts else {},
+        known.positions if known else None,
+        tuple(GroundMark(each.name, each.pixel, each.place) for each in framed.points),
+        verdict,
+        words,
+        framed.camera is not None,
+    )
+
+
+def verdict_of(said: Sequence[FramingWarning]) -> str:
+    """The worst of what is said."""
+    if not said:
+        return FINE
+    return IMPOSSIBLE if any(each.impossible for each in said) else OUTSIDE
+
+
+def words_of(said: Sequence[FramingWarning]) -> str:
+    """All of what is said, in short lines."""
+    return "\n".join(_wrapped(each.text) for each in said)
+
+
+def _wrapped(text: str) -> str:
+    return "\n".join(textwrap.wrap(text[:1].upper() + text[1:], LINE_LENGTH))
