@@ -6,6 +6,7 @@ and, where it is not given, the focal length.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -42,7 +43,9 @@ class MatchedCamera:
 
 
 def match_camera(
-    size: tuple[int, int], points: Sequence[Sequence[float]], focal: float | None = None
+    size: tuple[int, int],
+    points: Any,  # noqa: ANN401 a JSON value, or an array
+    focal: float | None = None,
 ) -> MatchedCamera:
     """The camera from which points of the ground appear where they do.
 
@@ -80,7 +83,7 @@ def match_camera(
     return found
 
 
-def _checked(points: Sequence[Sequence[float]]) -> np.ndarray:
+def _checked(points: Any) -> np.ndarray:  # noqa: ANN401
     """The points as (n, 4) float64, spread widely enough to tell a camera."""
     try:
         listed = np.array(points, np.float64)

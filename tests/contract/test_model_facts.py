@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pe_runtime.contract.camera import Camera
+from pe_runtime.contract.envelope import Envelope
 from pe_runtime.contract.errors import WorkerError
 from pe_runtime.contract.messages import Message, read_message, write_message
 from pe_runtime.contract.model_facts import ModelFacts, Volume
@@ -23,6 +24,13 @@ FACTS = ModelFacts(
     volumes={"b": Volume((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0))},
     usual_camera=CAMERA,
     licence="CC BY 4.0",
+    movements={"b": ((0.0, 0.0), (-0.3, 0.1)), "a": ((0.0, 0.0),), "c": ()},
+    envelope=Envelope(
+        ((-3.0, -2.0), (3.0, 2.5)), (1.0, 3.0), (6.0, 11.0), (-20.0, -4.0), (47.0, 53.0), (0.2, 0.7)
+    ),
+    detects=True,
+    device="cuda: NVIDIA H100",
+    digest="ab" * 32,
 )
 
 
@@ -43,6 +51,10 @@ def test_a_model_may_have_no_usual_camera():
     assert through_the_wire(replace(FACTS, usual_camera=None)).usual_camera is None
 
 
+def test_nobody_need_know_what_a_model_was_trained_on():
+    assert through_the_wire(replace(FACTS, envelope=None)).envelope is None
+
+
 @pytest.mark.parametrize("fact", [*FACTS.as_fields()])
 def test_a_missing_fact_is_a_clear_error(fact):
     fields = FACTS.as_fields()
@@ -60,6 +72,10 @@ def test_a_missing_fact_is_a_clear_error(fact):
         {"volumes": [1]},
         {"resting_actions": {"b": "left"}},
         {"usual_camera": {"width": 2}},
+        {"movements": {"b": [[0.0]]}},
+        {"movements": [[0.0, 1.0]]},
+        {"envelope": {}},
+        {"envelope": FACTS.envelope.as_dict() | {"box_heights": [2.0, 1.0]}},
         {"action_names": {}},
         {"width": None},
     ],
