@@ -21,6 +21,8 @@ TEXT_SIZE = 11.0
 LINE_HEIGHT = 1.35
 OFFSET = 6
 """Pixels from an anchor to its words."""
+CASING, SHADE = 2.0, np.array([0.0, 0.0, 0.0, 0.45])
+"""How much wider the dark line under a line is, and how much of the line's opacity it has."""
 BACKDROP = (0.05, 0.05, 0.06, 0.66)
 
 
@@ -44,11 +46,15 @@ def batches_of(lines: SceneLines) -> Batches:
     by_width, by_size = defaultdict(list), defaultdict(list)
     for each in lines.strokes:
         if len(each.ends):
-            by_width[each.width].append((each.ends.reshape(-1, 3), each.colours.repeat(2, axis=0)))
+            ends, colours = each.ends.reshape(-1, 3), each.colours.repeat(2, axis=0)
+            by_width[each.width + CASING].append((ends, colours * SHADE))
+            by_width[each.width].append((ends, colours))
     for each in lines.dots:
         if len(each.points):
             by_size[each.size].append((each.points, each.colours))
-    line_batches = [(w, _batch("POLYLINE_FLAT_COLOR", "LINES", p)) for w, p in by_width.items()]
+    # The widest first: they are the casings that set the others off from bright pictures.
+    widths = sorted(by_width.items(), reverse=True)
+    line_batches = [(w, _batch("POLYLINE_FLAT_COLOR", "LINES", p)) for w, p in widths]
     dot_batches = [(s, _batch("POINT_FLAT_COLOR", "POINTS", p)) for s, p in by_size.items()]
     return Batches(line_batches, dot_batches, lines.labels)
 

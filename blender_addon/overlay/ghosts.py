@@ -10,7 +10,7 @@ from .foreseen_paths import Foresight, Path, colour_of, heading_at, position_at
 from .scene_lines import Colour, SceneLines, faded, joined, strokes
 from .volume_lines import heading_arrow, volume_edges
 
-NEAREST, FARTHEST = 0.6, 0.15
+NEAREST, FARTHEST = 0.8, 0.25
 """Opacity of the ghost next to now and of the last one."""
 PAST = 0.6
 """How much dimmer those before now are."""

@@ -2,6 +2,9 @@
 
 import numpy as np
 import pytest
+from addon import stage
+
+from blender_addon.overlay.scene_lines import AMBER, RED
 
 bpy = pytest.importorskip("bpy")
 pytestmark = pytest.mark.blender
@@ -36,6 +39,71 @@ def test_an_empty_scene_has_nothing_to_show(addon):
     assert lines.segments == 0 and not lines.labels and not lines.dots
 
 
+@pytest.fixture
+def framed(addon, picture):
+    """A picture with the usual camera and two boxes, before it is encoded."""
+    scene = bpy.data.scenes[0]
+    settings = scene.playable_environment
+    settings.model, settings.image_path = "fake", str(picture)
+    bpy.ops.playable.load_model()
+    bpy.ops.playable.show_picture()
+    settings.set_boxes(stage.BOXES, stage.BOXES)
+    return scene
+
+
+def test_boxes_grid_and_volumes_are_shown_on_the_picture_before_it_is_encoded(framed):
+    for name, segments in (("boxes", 8), ("volumes", 24)):
+        only(framed, name)
+        assert lines_of(framed).segments == segments
+    only(framed, "grid")
+    assert lines_of(framed).segments > 8
+    only(framed, "boxes")
+    texts = {each.text for each in lines_of(framed).labels}
+    assert texts == set(stage.BOXES)
+
+
+def test_a_box_in_the_sky_is_red_and_says_why(framed):
+    framed.playable_environment.framing.camera_mode = "SCENE"
+    framed.camera.rotation_euler.x += 0.3
+    framed.playable_environment.boxes["player_1"].box = (12.0, 1.0, 20.0, 4.0)
+    only(framed, "boxes")
+    lines = lines_of(framed)
+    assert RED in [tuple(each.colours[0]) for each in lines.strokes]
+    assert any("horizon" in each.text for each in lines.labels)
+    assert max(len(line) for each in lines.labels for line in each.text.split("\n")) < 50
+
+
+def test_a_player_far_away_is_amber(framed):
+    framed.playable_environment.boxes["player_1"].box = (12.0, 4.0, 20.0, 9.0)
+    only(framed, "boxes")
+    assert AMBER in [tuple(each.colours[0]) for each in lines_of(framed).strokes]
+
+
+def test_ground_points_are_shown_although_the_camera_is_not_matched_yet(framed):
+    framing = framed.playable_environment.framing
+    framing.camera_mode = "MATCH"
+    point = framing.add_point()
+    point.pixel, point.is_placed = (20.0, 20.0), True
+    only(framed, "points", "grid")
+    lines = lines_of(framed)
+    assert lines.segments == 2 and [each.text for each in lines.labels] == ["Point 1"]
+
+
+def test_the_picture_is_looked_at_anew_only_when_something_has_changed(framed):
+    from blender_addon.overlay.scene_views import picture_view_of
+
+    depsgraph = framed.view_layers[0].depsgraph
+    first = picture_view_of(framed, depsgraph)
+    assert picture_view_of(framed, depsgraph) is first
+    framed.playable_environment.boxes["player_1"].box = (13.0, 10.0, 20.0, 30.0)
+    assert picture_view_of(framed, depsgraph) is not first
+
+
+def test_once_encoded_the_picture_is_left_alone(framed):
+    bpy.ops.playable.open_picture()
+    assert lines_of(framed).segments == 0
+
+
 def test_paths_run_through_the_baked_positions(played):
     from blender_addon.bake import bake_of
 
@@ -59,7 +127,8 @@ def test_ghosts_are_boxes_of_the_models_volumes(played):
     only(played, "ghosts")
     overlay.ghosts_before, overlay.ghosts_after = 0, 1
     lines = lines_of(played)
-    assert [len(each.ends) for each in lines.strokes] == [12, 12]
+    # Player 2 stands idle: it would be its own ghost.
+    assert [len(each.ends) for each in lines.strokes] == [12]
     size = np.ptp(lines.strokes[0].ends.reshape(-1, 3), axis=0)
     volume = volumes_in(played)["player_1"]
     assert np.allclose(size, np.subtract(volume.high, volume.low), atol=1e-6)
