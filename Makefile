@@ -1,11 +1,14 @@
 # From a bare machine:  make demo   a picture becomes a filmed strip, in build/demo
 #                       make test   formatting, lint and the tests that take seconds
+#                       make gui    the walkthrough in a real Blender window, its pictures in
+#                                   build/gui (needs Blender and Xvfb: BLENDER=/path/to/blender)
 # Needs Python 3.11 (Blender 5.0's) and a network on the first run; later runs start at once.
 # On Linux without a CUDA card, a CPU build of torch saves gigabytes; name an index that has one:
 #   make demo PIP_FLAGS="--extra-index-url https://download.pytorch.org/whl/cpu"
 
 PYTHON ?= $(shell command -v python3.11 || command -v python3 || echo python3)
 PIP_FLAGS ?=
+BLENDER ?= blender
 VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --disable-pip-version-check --quiet $(PIP_FLAGS)
@@ -25,10 +28,10 @@ BRING_LIBRARIES := if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
 	fi
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow format install clean
+.PHONY: help demo test test-slow gui format install clean
 
 help:
-	@sed -n '1,5p' Makefile | sed 's/^# //'
+	@sed -n '1,7p' Makefile | sed 's/^# //'
 
 demo: install
 	$(BIN)/pe demo --out build/demo
@@ -40,6 +43,9 @@ test: install
 
 test-slow: install
 	$(BIN)/python -m pytest -m slow
+
+gui: install
+	BLENDER='$(BLENDER)' PYTHON='$(BIN)/python' tests/gui/run.sh build/gui
 
 format: install
 	$(BIN)/ruff format .
