@@ -41,6 +41,7 @@ class Session:
         status: One of `stopped starting ready busy failed`.
         error: The message of the last failure, empty when all is well.
         doing: In words what the worker does before it can draw, empty while it draws or waits.
+        times_closed: How often somebody has stopped the worker.
         places: Where the runtime may be.
         arguments: What workers in it are started with.
     """
@@ -49,6 +50,7 @@ class Session:
         self.status = STOPPED
         self.error = ""
         self.doing = ""
+        self.times_closed = 0
         self.places, self.arguments = Places(own=sys.executable), ()
         self._command: list[str] | None = None
         self._client: WorkerClient | None = None
@@ -153,6 +155,7 @@ class Session:
     def close(self) -> None:
         """Stop the worker, if there is one, and forget its failure; a running request gives up."""
         self._closing += 1
+        self.times_closed += 1
         try:
             if self._turns.mine:
                 self._forget()
