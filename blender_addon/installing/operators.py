@@ -30,7 +30,7 @@ DIALOG_WIDTH = 520
 TICK_SECONDS = 0.25
 PROCESSORS = (
     (CPU, "CPU", "Runs on every computer; the smaller download"),
-    (GPU, "NVIDIA GPU", "Many times faster with an NVIDIA card; several gigabytes to download"),
+    (GPU, "NVIDIA GPU", "Many times faster with an NVIDIA card; a far larger download"),
 )
 
 

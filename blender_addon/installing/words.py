@@ -109,7 +109,7 @@ def processor_hint(plan: SetUpPlan) -> str:
     """What choosing the other processor would mean; empty where there is no choice."""
     if not offers_choice(plan.system):
         return ""
-    return "GPU: for an NVIDIA card, several gigabytes more. CPU: runs everywhere"
+    return "GPU: for an NVIDIA card, a far larger download. CPU: runs everywhere"
 
 
 def size_in_words(count: int) -> str:
