@@ -10,6 +10,9 @@ from pe_runtime.contract.errors import ShotError
 ACTION_PATH = "playable.action"
 """The action of a playable object, as curves name it."""
 _INTERPOLATION = {"CONSTANT": 0, "LINEAR": 1}
+_HANDLE_TYPES = ("handle_left_type", "handle_right_type")
+_KEY_PAIRS = ("co", "handle_left", "handle_right")
+_KEY_KINDS = ("interpolation", "easing", "type", *_HANDLE_TYPES)
 SAME_FRAME = 1e-3
 """Keys nearer to a frame than this are at it: graph editors leave them a little off."""
 
@@ -60,21 +63,60 @@ def own_curves(target: bpy.types.Object) -> bpy.types.bpy_prop_collection:
 
 def write_curve(
     curves: bpy.types.bpy_prop_collection,
-    data_path: str,
-    index: int,
+    channel: tuple[str, int],
     frames: np.ndarray,
     values: np.ndarray,
+    replaced: np.ndarray | None = None,
 ) -> None:
-    """Replace one curve by LINEAR keys, all at once (single inserts take seconds for a shot)."""
+    """Key one curve LINEAR, all at once (single inserts take seconds for a shot).
+
+    Args:
+        curves: Where it is, or is made.
+        channel: Data path and array index.
+        frames: (frames,) whole scene frames without a gap.
+        values: (frames,) what to key there.
+        replaced: (frames,) whether each is keyed anew; None for all. At the others keys stay to
+            the bit, and beyond the first and the last frame as at those.
+    """
+    if replaced is None:
+        replaced = np.ones(len(frames), bool)
+    if not replaced.any():
+        return
+    data_path, index = channel
     curve = curves.find(data_path, index=index) or curves.new(data_path, index=index)
-    points = curve.keyframe_points
-    points.clear()
-    points.add(len(frames))
-    coordinates = np.stack([frames, values], axis=1).astype(np.float32)
-    points.foreach_set("co", coordinates.ravel())
-    kinds = np.full(len(frames), _INTERPOLATION["LINEAR"], np.int32)
-    points.foreach_set("interpolation", kinds)
+    kept = _read_keys(curve)
+    places = np.rint(kept["co"][:, 0]).astype(np.int64) - int(frames[0])
+    stays = ~replaced[np.clip(places, 0, len(frames) - 1)]
+    kept = {name: numbers[stays] for name, numbers in kept.items()}
+    made = _linear_keys(frames[replaced], values[replaced])
+    joined = {name: np.concatenate([kept[name], made[name]]) for name in made}
+    order = np.argsort(joined["co"][:, 0], kind="stable")
+    curve.keyframe_points.clear()
+    curve.keyframe_points.add(len(order))
+    for name, numbers in joined.items():
+        curve.keyframe_points.foreach_set(name, numbers[order].ravel())
     curve.update()
+
+
+def _linear_keys(frames: np.ndarray, values: np.ndarray) -> dict[str, np.ndarray]:
+    points = np.stack([frames, values], axis=1).astype(np.float32)
+    vector = bpy.types.Keyframe.bl_rna.properties["handle_left_type"].enum_items["VECTOR"].value
+    numbers = {"interpolation": _INTERPOLATION["LINEAR"]} | dict.fromkeys(_HANDLE_TYPES, vector)
+    kinds = {n: np.full(len(points), numbers.get(n, 0), np.int32) for n in _KEY_KINDS}
+    return dict.fromkeys(_KEY_PAIRS, points) | kinds
+
+
+def _read_keys(curve: bpy.types.FCurve) -> dict[str, np.ndarray]:
+    """All that makes up the keys of a curve, one row each."""
+    points, found = curve.keyframe_points, {}
+    for name in _KEY_PAIRS:
+        found[name] = np.empty((len(points), 2), np.float32)
+        flat = found[name].ravel()
+        points.foreach_get(name, flat)
+    for name in _KEY_KINDS:
+        found[name] = np.empty(len(points), np.int32)
+        points.foreach_get(name, found[name])
+    return found
 
 
 def remove_curves(target: bpy.types.Object, data_path: str) -> None:

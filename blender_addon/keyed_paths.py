@@ -19,6 +19,8 @@ from .replies import PredictedPaths
 from .scene_bridge import Moment, action_names, playable_objects
 
 UPRIGHT_TOLERANCE = 1e-4
+SAME_PLACE = 1e-4
+"""Metres or radians by which two predictions of one path may differ on different machines."""
 NOT_EULER = ("QUATERNION", "AXIS_ANGLE")
 Channels = dict[tuple[str, int], np.ndarray]
 
@@ -27,6 +29,8 @@ def write_bake(
     scene: bpy.types.Scene, shot: Shot, predicted: PredictedPaths, moments: Sequence[Moment]
 ) -> None:
     """Key predicted paths on the Empties and remember the shot they belong to; main thread only.
+
+    Where an Empty is free of its path, its keys stay.
 
     Args:
         scene: The scene that the shot was sampled from.
@@ -37,28 +41,94 @@ def write_bake(
     Raises:
         ShotError: A path is missing or too short, or an Empty cannot take it.
     """
-    objects = playable_objects(scene)
-    frames = np.arange(shot.frame_start, shot.frame_end + 1, dtype=np.float64)
-    paths = {name: _checked(name, predicted.positions, (len(frames), 3)) for name in objects}
-    headings = {
-        name: _checked(name, predicted.headings, (len(frames),))
-        for name in objects
-        if name in predicted.headings
-    }
+    _key_paths(scene, baked_from(shot, predicted), moments, shot.frame_start)
+    scene.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+
+
+def continue_bake(
+    scene: bpy.types.Scene, before: Bake | None, made: Bake, moments: Sequence[Moment], since: int
+) -> None:
+    """Key new paths from a frame on; keys before it stay to the bit. Main thread only.
+
+    Unlike `write_bake`, this leaves alone whatever else has been moved but not keyed yet.
+
+    Args:
+        scene: The scene that the shot was sampled from.
+        before: What was baked; where the new paths do not go on from it, all is keyed anew.
+        made: What was predicted.
+        moments: The sampled frames of the shot.
+        since: First frame that may have changed.
+
+    Raises:
+        ShotError: An Empty cannot take its path.
+    """
+    head = since - made.shot.frame_start
+    if before is None or not _goes_on(before, made, head):
+        since = made.shot.frame_start
+    else:
+        made = Bake(
+            made.shot,
+            {name: _spliced(before.paths[name], path, head) for name, path in made.paths.items()},
+            {n: _spliced(before.headings[n], turns, head) for n, turns in made.headings.items()},
+        )
+    _key_paths(scene, made, moments, since)
+    for each in playable_objects(scene).values():
+        each.update_tag(refresh={"TIME"})
+
+
+def baked_from(shot: Shot, predicted: PredictedPaths) -> Bake:
+    """The bake of a shot and what the worker answered; needs no Blender.
+
+    Raises:
+        ShotError: A path is missing or too short.
+    """
+    frames, names = len(shot.frames), [track.name for track in shot.objects]
+    paths = {name: _checked(name, predicted.positions, (frames, 3)) for name in names}
+    turning = [name for name in names if name in predicted.headings]
+    headings = {name: _checked(name, predicted.headings, (frames,)) for name in turning}
+    return Bake(shot, paths, headings)
+
+
+def _key_paths(scene: bpy.types.Scene, bake: Bake, moments: Sequence[Moment], since: int) -> None:
+    objects, shot = playable_objects(scene), bake.shot
     # All of them first: an Empty that cannot take its path leaves the others as they were.
     channels = {
-        name: _channels(each, paths[name], headings.get(name), _local_spaces(each, scene, moments))
+        name: _channels(
+            each, bake.paths[name], bake.headings.get(name), _local_spaces(each, scene, moments)
+        )
         for name, each in objects.items()
         if action_names(each)
     }
+    frames = np.arange(shot.frame_start, shot.frame_end + 1, dtype=np.float64)
     for name, values in channels.items():
+        bound = np.array([not moment.tracks[name].override.free for moment in moments])
+        if not bound.any():
+            continue
         curves = own_curves(objects[name])
-        for (data_path, index), each in values.items():
-            write_curve(curves, data_path, index, frames, each)
+        for channel, each in values.items():
+            has_head = curves.find(channel[0], index=channel[1]) is not None
+            replaced = bound & (frames >= since) if has_head else bound
+            write_curve(curves, channel, frames, each, replaced)
     settings = scene.playable_environment
-    bake = Bake(shot, paths, headings)
     settings.bake_text = write_text(settings.bake_text, f"{scene.name} bake", bake.to_json())
-    scene.frame_set(scene.frame_current, subframe=scene.frame_subframe)
+
+
+def _goes_on(before: Bake, made: Bake, head: int) -> bool:
+    """Whether new paths are those of an earlier bake up to a frame."""
+    then, now = before.shot, made.shot
+    same = then.frame_start == now.frame_start and 0 < head <= len(then.frames)
+    same = same and before.paths.keys() == made.paths.keys()
+    if not same or before.headings.keys() != made.headings.keys():
+        return False
+    return all(
+        np.allclose(old[name][:head], new[name][:head], rtol=0.0, atol=SAME_PLACE)
+        for old, new in ((before.paths, made.paths), (before.headings, made.headings))
+        for name in new
+    )
+
+
+def _spliced(before: np.ndarray, made: np.ndarray, head: int) -> np.ndarray:
+    return np.concatenate([before[:head], made[head:]])
 
 
 def _checked(name: str, found: Mapping[str, np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
