@@ -19,6 +19,7 @@ from .exact_colours import all_colour_changes
 from .frame_watch import FrameWatch, place_in_range
 from .pace import pace
 from .pixels import memory_for
+from .preview.ticking import keep_ticking, viewport_of
 from .range_stop import stop_reasons
 from .render_border import border_of
 from .render_passes import COMBINED, blender_pass, pass_numbers
@@ -63,6 +64,16 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
         # Anything that escapes, even Ctrl-C, would become a black frame and a success.
         except BaseException as error:  # noqa: BLE001
             self._fail(frame, one_line(f"{type(error).__name__}: {error}"))
+
+    def view_update(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """Take in what has changed in the scene of a viewport in Rendered shading."""
+        viewport_of(self).read(depsgraph)
+        keep_ticking()
+
+    def view_draw(self, context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> None:
+        """Draw such a viewport."""
+        viewport_of(self).draw(self, context, depsgraph)
+        keep_ticking()
 
     def _fail(self, frame: int, reason: str) -> None:
         self.report({"ERROR"}, f"Playable Environment: frame {frame}: {reason}")

@@ -191,12 +191,25 @@ def inverse_of(matrix: np.ndarray) -> np.ndarray:
 def read_moment(depsgraph: bpy.types.Depsgraph) -> Moment:
     """Everything a frame asks for, from a dependency graph evaluated at that frame."""
     matrix = world_from_environment(depsgraph)
+    tracks = read_tracks(depsgraph, matrix)
+    return Moment(depsgraph.scene_eval.frame_current, read_camera(depsgraph), matrix, tracks)
+
+
+def read_tracks(depsgraph: bpy.types.Depsgraph, matrix: np.ndarray) -> dict[str, TrackMoment]:
+    """The playable objects at the evaluated frame, by their name in the model.
+
+    Args:
+        depsgraph: Evaluated at the frame that is meant.
+        matrix: Of the environment root.
+
+    Raises:
+        ShotError: Two objects claim one name, one has none or is disabled in viewports.
+    """
     environment_from_world = inverse_of(matrix)
-    tracks = {
+    return {
         name: _read_track(each.evaluated_get(depsgraph), environment_from_world, depsgraph)
         for name, each in playable_objects(depsgraph.scene).items()
     }
-    return Moment(depsgraph.scene_eval.frame_current, read_camera(depsgraph), matrix, tracks)
 
 
 def sample_range(

@@ -1,0 +1,56 @@
+"""Where a viewport looks from, and at which part of it the picture stands."""
+
+import bpy
+import numpy as np
+
+from pe_runtime.contract.camera import Camera, camera_from_blender
+
+from ..scene_bridge import inverse_of, lens_of
+from .view_camera import Rect, seen_of_frame, view_camera
+
+
+def look(
+    context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, environment_from_world: np.ndarray
+) -> tuple[Rect, Camera] | None:
+    """The part of a region that shows the environment, and the camera that fills it.
+
+    Through a camera that is the frame of the render, seen by the very camera of the render; in
+    any other view it is the whole region.
+
+    Args:
+        context: Of the region.
+        depsgraph: Of the region's scene.
+        environment_from_world: (4, 4) float64.
+
+    Returns:
+        None where the camera's frame is out of sight.
+
+    Raises:
+        CameraError: The view or its camera is not in perspective.
+    """
+    region, view = context.region, context.region_data
+    size = region.width, region.height
+    exact = None
+    if view.view_perspective == "CAMERA":
+        exact = _exact_camera(context.space_data, depsgraph, environment_from_world)
+    world_from_view = inverse_of(np.array(view.view_matrix, np.float64))
+    whole = view_camera(
+        np.array(view.window_matrix, np.float64), environment_from_world @ world_from_view, size
+    )
+    return (Rect(0, 0, *size), whole) if exact is None else seen_of_frame(exact, whole)
+
+
+def _exact_camera(
+    space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph, environment_from_world: np.ndarray
+) -> Camera | None:
+    """The camera of the render; None where the view looks through something else than one."""
+    scene = depsgraph.scene_eval
+    holder = scene.camera
+    if space.use_local_camera and space.camera is not None:
+        holder = space.camera.evaluated_get(depsgraph)
+    if holder is None or holder.type != "CAMERA":
+        return None
+    lens = lens_of(holder.data, scene.render)
+    return camera_from_blender(
+        lens, environment_from_world @ np.array(holder.matrix_world, np.float64)
+    )
