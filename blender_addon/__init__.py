@@ -13,6 +13,7 @@ def _parts() -> tuple:
         installing,
         keeping,
         overlay,
+        overrides,
         playing,
         preview,
         session,
@@ -30,6 +31,7 @@ def _parts() -> tuple:
         framing,
         playing,
         overlay,
+        overrides,
         strips,
         keeping,
     )

@@ -1,7 +1,8 @@
 """The baked shot: what the worker predicted paths for, kept in the .blend and filmed later.
 
 A frame is rendered from the baked shot, changed only where the artist has since moved the camera,
-or moved, turned, shown or hidden an Empty, at that frame. Other changes ask for another bake.
+or overridden an Empty's place, heading, visibility, style or pose, at that frame. Other changes ask
+for another bake.
 """
 
 import dataclasses
@@ -16,9 +17,10 @@ import numpy as np
 
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import ShotError
-from pe_runtime.contract.shot import ObjectTrack, Shot, Start
+from pe_runtime.contract.shot import ObjectTrack, PoseKey, Shot, Start, StyleMix
 
 from .json_text import json_text
+from .overrides.reading import Override
 from .scene_bridge import Moment, TrackMoment
 from .state_files import is_content_name, picture_in, portable, state_file, stored_state
 
@@ -187,13 +189,17 @@ def take_of_moment(bake: Bake, moment: Moment, fps: float, output: Output) -> Sh
     if abs(fps - shot.fps) > 1e-6 * shot.fps:
         raise ShotError(f"the scene runs at {fps:g} fps, the bake at {shot.fps:g}; {BAKE_AGAIN}")
     _check_objects(shot, moment)
-    baked = _baked_camera(bake, frame, output)
-    camera = baked if _same_view(baked, moment.camera) else moment.camera
+    camera = camera_of_moment(bake, moment, output)
     tracks = tuple(
         _track(track, bake, moment.tracks[track.name], frame - shot.frame_start)
         for track in shot.objects
     )
     return _take(shot, frame, camera, tracks, output)
+
+
+def is_as_baked(bake: Bake, take: Shot, output: Output) -> bool:
+    """Whether a take of one frame shows what was baked: same camera, no overrides of any kind."""
+    return take == take_as_baked(bake, take.frame_start, output)
 
 
 def take_as_baked(bake: Bake, frame: int, output: Output) -> Shot:
@@ -203,6 +209,25 @@ def take_as_baked(bake: Bake, frame: int, output: Output) -> Shot:
         _still(track, track.visible is None or track.visible[index]) for track in bake.shot.objects
     )
     return _take(bake.shot, frame, _baked_camera(bake, frame, output), tracks, output)
+
+
+def camera_of_moment(bake: Bake, moment: Moment, output: Output) -> Camera:
+    """The camera of a frame: the baked one, unless the scene's has moved by more than rounding."""
+    baked, now = _baked_camera(bake, moment.frame, output), moment.camera
+    if _same_view(baked, now):
+        return baked
+    if not turned(baked, now):
+        # The very axes that were baked: an exported shot predicts by the camera that it films with.
+        pose = now.world_from_camera.copy()
+        pose[:3, :3] = baked.world_from_camera[:3, :3]
+        return dataclasses.replace(now, world_from_camera=pose)
+    return now
+
+
+def turned(a: Camera, b: Camera) -> bool:
+    """Whether two cameras look in other directions, or are rolled."""
+    axes = a.world_from_camera[:3, :3] - b.world_from_camera[:3, :3]
+    return bool(np.abs(axes).max() > CAMERA_TOLERANCE)
 
 
 def _check_objects(shot: Shot, moment: Moment) -> None:
@@ -257,12 +282,32 @@ def _still(track: ObjectTrack, visible: bool) -> ObjectTrack:
 
 
 def _track(track: ObjectTrack, bake: Bake, now: TrackMoment, index: int) -> ObjectTrack:
+    frame, override = bake.shot.frame_start + index, now.override
     moved = np.abs(bake.paths[track.name][index] - now.location).max() > MOVED_METRES
     # Objects without a predicted heading keep the axes of the environment until they are turned.
     baked = float(bake.headings[track.name][index]) if track.name in bake.headings else 0.0
-    turned = abs(math.remainder(now.heading - baked, math.tau)) > TURNED_RADIANS
+    has_turned = abs(math.remainder(now.heading - baked, math.tau)) > TURNED_RADIANS
+    still = _still(track, now.visible)
+    held = held_frame(bake.shot, override)
     return dataclasses.replace(
-        _still(track, now.visible),
+        still,
         locations=(now.location,) if moved else None,
-        headings=(now.heading,) if turned else None,
+        headings=(now.heading,) if has_turned else None,
+        styles=style_mixes(frame, override) or still.styles,
+        # In the frame where holding begins the pose is the predicted one.
+        poses=() if held in (None, frame) else (PoseKey(frame, held),),
     )
+
+
+def style_mixes(frame: int, override: Override) -> tuple[StyleMix, ...]:
+    """The style that an override gives an object from a frame on; none where it is its own."""
+    lent = override.style
+    return () if lent is None else (StyleMix(frame, lent.file, lent.object, lent.weight),)
+
+
+def held_frame(shot: Shot, override: Override) -> int | None:
+    """The frame whose pose an override holds; None where the pose is free."""
+    if override.held_since is None:
+        return None
+    # Holding that began before the shot keeps the first pose that there is.
+    return max(override.held_since, shot.frame_start)

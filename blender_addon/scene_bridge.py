@@ -33,6 +33,7 @@ from pe_runtime.contract.shot import (
 )
 
 from .fcurves import ACTION_PATH, held_value
+from .overrides.reading import Override, read_override
 
 UNIFORM_SCALE_TOLERANCE = 1e-4
 picture_only: set[str] = set()
@@ -51,12 +52,14 @@ class TrackMoment:
         location: Ground point in environment space, metres.
         visible: Whether renders show it.
         heading: Turn about the environment's z axis, radians.
+        override: What else it has differently from the prediction.
     """
 
     action: int | None
     location: Point
     visible: bool
     heading: float = 0.0
+    override: Override = Override()
 
 
 @dataclass(frozen=True)
@@ -161,7 +164,7 @@ def world_from_environment(depsgraph: bpy.types.Depsgraph) -> np.ndarray:
     Raises:
         CameraError: The root is mirrored or stretched, so that no rigid camera maps through it.
     """
-    root = depsgraph.scene.playable_environment.root
+    root = staged(depsgraph).playable_environment.root
     if root is None:
         return np.eye(4)
     matrix = np.array(root.evaluated_get(depsgraph).matrix_world, dtype=np.float64)
@@ -176,6 +179,11 @@ def world_from_environment(depsgraph: bpy.types.Depsgraph) -> np.ndarray:
             "give it one positive scale for all axes"
         )
     return matrix
+
+
+def staged(depsgraph: bpy.types.Depsgraph) -> bpy.types.Scene:
+    """The scene whose environment an evaluated scene shows: a stand-in shows another one's."""
+    return depsgraph.scene.playable_environment.stand_in_for or depsgraph.scene
 
 
 def inverse_of(matrix: np.ndarray) -> np.ndarray:
@@ -208,7 +216,7 @@ def read_tracks(depsgraph: bpy.types.Depsgraph, matrix: np.ndarray) -> dict[str,
     environment_from_world = inverse_of(matrix)
     return {
         name: _read_track(each.evaluated_get(depsgraph), environment_from_world, depsgraph)
-        for name, each in playable_objects(depsgraph.scene).items()
+        for name, each in playable_objects(staged(depsgraph)).items()
     }
 
 
@@ -315,8 +323,10 @@ def _read_track(
     location = tuple(float(x) for x in environment_from_object[:3, 3])
     heading = math.atan2(environment_from_object[1, 0], environment_from_object[0, 0])
     now = depsgraph.scene_eval.frame_current_final
-    action = _action_index(each, now) if each.is_evaluated else None
-    return TrackMoment(action, location, visible, heading)
+    if not each.is_evaluated:
+        return TrackMoment(None, location, visible, heading)
+    override = read_override(each, staged(depsgraph), depsgraph.scene_eval.frame_current)
+    return TrackMoment(_action_index(each, now), location, visible, heading, override)
 
 
 def action_names(target: bpy.types.Object) -> list[str]:

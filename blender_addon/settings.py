@@ -27,6 +27,7 @@ from pe_runtime.contract.model_facts import ModelFacts
 
 from .framing.settings import FramingSettings, GroundPoint, TrackedObject
 from .overlay.settings import OverlaySettings
+from .overrides.settings import OverrideSettings, StyleLibrary, StyleSource
 from .playing.settings import PlayingSettings
 from .strips.settings import StripSettings
 
@@ -120,6 +121,7 @@ class PlayableSettings(bpy.types.PropertyGroup):
         update=lambda self, _context: _show_passes(self.id_data),
         override={"LIBRARY_OVERRIDABLE"},
     )
+    overrides: PointerProperty(type=OverrideSettings, override={"LIBRARY_OVERRIDABLE"})
 
 
 class BoxSettings(bpy.types.PropertyGroup):
@@ -171,6 +173,11 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
         description="Scene whose sequencer holds the rendered strip",
         type=bpy.types.Scene,
     )
+    stand_in_for: PointerProperty(
+        description="On a scene that is only there to be sampled: the one that it is sampled for",
+        type=bpy.types.Scene,
+        options={"HIDDEN"},
+    )
     steps_per_second: FloatProperty(
         name="Steps per Second", description="The pace at which the model moves", default=5.0
     )
@@ -193,6 +200,7 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
     framing: PointerProperty(type=FramingSettings)
     playing: PointerProperty(type=PlayingSettings, override={"LIBRARY_OVERRIDABLE"})
     strips: PointerProperty(type=StripSettings)
+    styles: PointerProperty(type=StyleLibrary, override={"LIBRARY_OVERRIDABLE"})
 
     def of_newer_addon(self) -> str:
         """Why an environment of a later version cannot be worked on; empty where it can."""
@@ -238,6 +246,9 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
 
 
 CLASSES = (
+    OverrideSettings,
+    StyleSource,
+    StyleLibrary,
     PlayableSettings,
     BoxSettings,
     OverlaySettings,

@@ -1,0 +1,74 @@
+"""Holding a pose, and letting it move again."""
+
+import bpy
+from bpy.props import BoolProperty
+
+from pe_runtime.contract.errors import PlayableEnvironmentError
+
+from ..fcurves import make_stepped, own_curves
+from ..worker_operator import Result, allowed, failed
+from .pose_holds import POSE_PATH
+
+
+class PLAYABLE_OT_hold_pose(bpy.types.Operator):
+    """Key the active object's pose at this frame: held as it is now, or free again."""
+
+    bl_idname = "playable.hold_pose"
+    bl_label = "Hold Pose"
+    bl_options = {"REGISTER", "UNDO"}
+
+    hold: BoolProperty(
+        name="Hold", description="Hold the pose; off lets it move again", default=True
+    )
+
+    @classmethod
+    def description(
+        cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties
+    ) -> str:
+        if properties.hold:
+            return "Keep the pose of this frame from here on, wherever the object goes (keys Held)"
+        return "Let the limbs move as the model predicts from here on (keys Free)"
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        return playable_chosen(cls, context)
+
+    def execute(self, context: bpy.types.Context) -> Result:
+        target, frame = context.object, context.scene.frame_current
+        try:
+            own_curves(target)
+        except PlayableEnvironmentError as error:
+            return failed(self, error)
+        target.playable.overrides.pose = "HELD" if self.hold else "FREE"
+        target.keyframe_insert(POSE_PATH, frame=frame)
+        make_stepped(target, POSE_PATH)
+        return {"FINISHED"}
+
+
+def playable_chosen(operator: type, context: bpy.types.Context) -> bool:
+    """Whether the active object is a playable one that can be keyed, for a poll."""
+    chosen = context.object
+    if not allowed(
+        operator,
+        chosen is not None and chosen.playable.is_playable,
+        "Select a playable Empty first",
+    ):
+        return False
+    return allowed(
+        operator, chosen.is_editable, "It is linked from another file; make a library override"
+    )
+
+
+CLASSES = (PLAYABLE_OT_hold_pose,)
+
+
+def register() -> None:
+    """Register the operators."""
+    for each in CLASSES:
+        bpy.utils.register_class(each)
+
+
+def unregister() -> None:
+    """Undo `register`."""
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)
