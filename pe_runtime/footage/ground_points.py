@@ -23,7 +23,7 @@ NARROW = 1e-3
 """Least spread of points across the line through them, as a share of that along it."""
 TELLING = 0.02
 """Pixels by which the residual must grow for a focal length one fifth off, or it is a guess."""
-WRONG_SHARE = 0.05
+WRONG_SHARE = 0.03
 """A residual above this share of the picture's diagonal is no camera but a mix-up of points."""
 
 
@@ -69,7 +69,7 @@ def match_camera(
     if found is None:
         raise CameraError(
             "no camera above the ground sees the points so: they appear mirrored, as if seen from "
-            "below; check that none are swapped and that x and y are not"
+            "below, or one lies far off; check that none are swapped and that x and y are not"
         )
     limit = WRONG_SHARE * float(np.hypot(*size))
     if found.residual > limit:

@@ -35,8 +35,11 @@ def needed_regions(
     maps = len(renderer.config.strides)
     for index in range(len(extents) - 1, maps - 1, -1):
         step = renderer.steps[index - maps]
-        # With edges on the grid, so that pixels which are computed together stay together.
-        own = needed[index] = needed[index].aligned(extents[index])
+        own = needed[index]
+        if step.convolution and step.convolution.together > 1:
+            # What is computed together stays together. Elsewhere it would only cost: the margins
+            # of a dozen steps would grow by up to a grid cell each.
+            own = needed[index] = own.aligned(extents[index])
         radius = step.convolution.radius if step.convolution else 0
         seen = own.grown(radius, extents[index])
         for source in step.sources:

@@ -107,7 +107,7 @@ def test_points_that_are_swapped_are_refused_whether_or_not_the_focal_length_is_
 
 def test_a_place_that_is_wrong_by_metres_is_named():
     points = seen(look_at((1.0, -9.0, 3.0), (0, 0, 0), 600.0))
-    points[4, 2:] += 4.0
+    points[4, 2:] += [1.5, 1.0]
     with pytest.raises(CameraError, match="no camera fits.*point 5"):
         match_camera(SIZE, points, 600.0)
 
