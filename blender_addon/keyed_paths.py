@@ -100,6 +100,8 @@ def _key_paths(scene: bpy.types.Scene, bake: Bake, moments: Sequence[Moment], si
         if action_names(each)
     }
     frames = np.arange(shot.frame_start, shot.frame_end + 1, dtype=np.float64)
+    # The last one in any case, so that what lies beyond it goes.
+    anew = frames >= min(since, shot.frame_end)
     for name, values in channels.items():
         bound = np.array([not moment.tracks[name].override.free for moment in moments])
         if not bound.any():
@@ -107,7 +109,7 @@ def _key_paths(scene: bpy.types.Scene, bake: Bake, moments: Sequence[Moment], si
         curves = own_curves(objects[name])
         for channel, each in values.items():
             has_head = curves.find(channel[0], index=channel[1]) is not None
-            replaced = bound & (frames >= since) if has_head else bound
+            replaced = bound & anew if has_head else bound
             write_curve(curves, channel, frames, each, replaced)
     settings = scene.playable_environment
     settings.bake_text = write_text(settings.bake_text, f"{scene.name} bake", bake.to_json())

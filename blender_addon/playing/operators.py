@@ -8,7 +8,9 @@ from ..replies import PredictedPaths
 from ..scene_bridge import sample_range, shot_from_moments
 from ..session import session
 from ..worker_operator import Task, WorkerOperator, allowed, model_path
+from .signature import signature_of
 from .stepping import action_warnings, step_actions
+from .watching import live
 
 
 class PLAYABLE_OT_bake_paths(WorkerOperator, bpy.types.Operator):
@@ -28,11 +30,13 @@ class PLAYABLE_OT_bake_paths(WorkerOperator, bpy.types.Operator):
         name, settings = scene.name, scene.playable_environment
         start = playables.stored_start(settings)
         step_actions(scene)
+        signature = signature_of(scene)
         moments = sample_range(scene, range(scene.frame_start, scene.frame_end + 1))
         shot = shot_from_moments(scene, start, model_path(settings.model), moments)
 
         def finish(paths: PredictedPaths) -> str:
             write_bake(bpy.data.scenes[name], shot, paths, moments)
+            live.remember(bpy.data.scenes[name], signature, moments)
             done = f"Baked {len(shot.objects)} paths over {len(moments)} frames"
             return "; ".join([done, *action_warnings(bpy.data.scenes[name])])
 

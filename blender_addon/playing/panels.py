@@ -14,7 +14,9 @@ from . import keymap
 from .action_keys import keyed_frames
 from .claims import free_names, left_out, other_claims
 from .directions import direction_icons
+from .live_paths import UPDATING
 from .stepping import action_warnings
+from .watching import live
 
 NUMBER_KEYS = 9
 LABEL_WIDTH = 36
@@ -64,6 +66,8 @@ class PLAYABLE_PT_paths(PlayablePanel, bpy.types.Panel):
         layout.operator("playable.bake_paths", icon="CURVE_PATH")
         layout.prop(scene.playable_environment.playing, "update_paths")
         _draw_bake(layout, scene)
+        if note := live.note(scene):
+            _draw_lines(layout, note, "INFO" if note == UPDATING else "ERROR")
         for name in left_out(scene) if scene.playable_environment.root is not None else ():
             row = layout.row(align=True)
             row.label(text=f"{name} has no Empty and rests", icon="INFO")
