@@ -22,7 +22,13 @@ from .plan import (
     bundled_wheel,
     offers_choice,
 )
-from .preferences import FOLDER, private_folder, set_up_refusal, use_private_runtime
+from .preferences import (
+    FOLDER,
+    private_folder,
+    set_up_refusal,
+    show_lines,
+    use_private_runtime,
+)
 from .set_up import remove
 from .words import processor_hint, question_lines, short_words, wrapped
 
@@ -69,11 +75,9 @@ class PLAYABLE_OT_set_up_runtime(bpy.types.Operator):
         try:
             plan = self._plan()
         except PlayableEnvironmentError as error:
-            for line in wrapped(str(error)):
-                layout.label(text=line, icon="ERROR")
+            show_lines(layout, wrapped(str(error)), "ERROR")
         else:
-            for line in question_lines(plan):
-                layout.label(text=line)
+            show_lines(layout, question_lines(plan))
             if offers_choice():
                 layout.prop(self, "processor", expand=True)
                 layout.label(text=processor_hint(plan), icon="INFO")
@@ -133,7 +137,9 @@ class PLAYABLE_OT_set_up_runtime(bpy.types.Operator):
 
     def _end(self) -> Result:
         if installation.failed:
-            return failed(self, SetUpError("\n".join((installation.said, *installation.log))))
+            # With a window the preferences show the rest.
+            log = installation.log if bpy.app.background else ()
+            return failed(self, SetUpError("\n".join((installation.said, *log))))
         if installation.said != DONE:
             self.report({"WARNING"}, installation.said)
             return {"CANCELLED"}

@@ -1,5 +1,6 @@
 """Where the runtime lives, as Blender's preferences keep it, and how it is."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -15,6 +16,7 @@ from .words import refusal, words_of, wrapped
 
 ADDON = __package__.rpartition(".")[0]
 FOLDER = Path(__file__).parents[1]
+LINE_SCALE = 0.75
 
 
 class PlayableEnvironmentPreferences(bpy.types.AddonPreferences):
@@ -63,8 +65,7 @@ def draw_state(layout: bpy.types.UILayout) -> None:
     row.label(text=words.title, icon=words.icon)
     row.operator("playable.check_runtime", text="", icon="FILE_REFRESH")
     row.operator("playable.stop_worker", text="", icon="CANCEL")
-    for line in words.lines:
-        layout.label(text=line, icon="BLANK1")
+    show_lines(layout, words.lines, "BLANK1")
 
 
 def draw_set_up(layout: bpy.types.UILayout) -> None:
@@ -77,14 +78,11 @@ def draw_set_up(layout: bpy.types.UILayout) -> None:
     row.operator("playable.set_up_runtime", icon="IMPORT")
     row.operator("playable.remove_runtime", text="Remove", icon="TRASH")
     why_not = set_up_refusal()
-    for line in wrapped(why_not):
-        column.label(text=line, icon="BLANK1")
+    show_lines(column, wrapped(why_not), "INFO")
     if why_not and bundled_wheel(FOLDER) and not bpy.app.online_access_override:
         column.operator("extensions.userpref_show_online", text="Show the Setting")
-    for line in wrapped(installation.said):
-        column.label(text=line, icon="ERROR" if installation.failed else "INFO")
-    for line in installation.log:
-        column.label(text=line, icon="BLANK1")
+    show_lines(column, wrapped(installation.said), "ERROR" if installation.failed else "INFO")
+    show_lines(column, installation.log, "BLANK1")
 
 
 def draw_progress(layout: bpy.types.UILayout) -> None:
@@ -93,6 +91,14 @@ def draw_progress(layout: bpy.types.UILayout) -> None:
     row = layout.row(align=True)
     row.progress(text=f"{stage} · {share:.0%}", factor=share)
     row.operator("playable.cancel_set_up", text="", icon="CANCEL")
+
+
+def show_lines(layout: bpy.types.UILayout, lines: Sequence[str], icon: str = "NONE") -> None:
+    """Show a text close together, the icon before its first line."""
+    column = layout.column(align=True)
+    column.scale_y = LINE_SCALE
+    for number, line in enumerate(lines):
+        column.label(text=line, icon=icon if not number or icon == "NONE" else "BLANK1")
 
 
 def set_up_refusal() -> str:

@@ -35,6 +35,10 @@ MADE, INSTALLED = 0.05, 0.95
 """Shares of the whole after the environment is made and after the packages are in."""
 TRIES, PAUSE_SECONDS = 20, 0.25
 """For folders that a virus scanner or a process that has just been ended still holds."""
+NO_ENSUREPIP = (
+    "{python} cannot make environments, since its distribution packs that apart: install "
+    "python3-venv of the same version (Debian, Ubuntu), or choose another Python"
+)
 VERSION = "import sys; print(sys.version_info[0], sys.version_info[1])"
 NOT_INHERITED = dict.fromkeys(("PIP_TARGET", "PIP_PREFIX", "PIP_USER", "PIP_REQUIRE_VIRTUALENV"))
 
@@ -111,7 +115,13 @@ class _Build:
         self._check_base()
         environment = self.place / ENVIRONMENT
         making = [self.plan.base_python, "-I", "-X", "utf8", "-m", "venv", str(environment)]
-        self._run(making, "making the environment")
+        try:
+            self._run(making, "making the environment")
+        except SetUpError as error:
+            if any("ensurepip" in line for line in self.log):
+                # What Debian says takes six lines, of which the fourth is the one to read.
+                raise SetUpError(NO_ENSUREPIP.format(python=self.plan.base_python)) from error
+            raise
         self._install(environment)
         shutil.rmtree(self._downloads)
         self.on_stage("Starting the runtime", INSTALLED)

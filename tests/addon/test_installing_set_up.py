@@ -173,6 +173,17 @@ def test_a_python_that_does_not_fit_is_refused_first(tmp_path, wheel, text, what
         set_up(plan_for(str(stand_in), wheel, tmp_path / "runtime"), never, nobody)
 
 
+@pytest.mark.skipif(os.name != "posix", reason="the stand-in is a shell script")
+def test_a_python_that_cannot_make_environments_says_what_it_lacks(tmp_path, wheel):
+    stand_in = tmp_path / "python"
+    stand_in.write_text(
+        '#!/bin/sh\ncase "$*" in *venv*) echo because ensurepip is not; exit 1;; esac\necho 3 12\n'
+    )
+    stand_in.chmod(0o755)
+    with pytest.raises(SetUpError, match=r"install python3-venv .*, or choose another Python"):
+        set_up(plan_for(str(stand_in), wheel, tmp_path / "runtime"), never, nobody)
+
+
 def test_a_python_that_is_not_there_is_named(tmp_path, wheel):
     with pytest.raises(SetUpError, match=r"no_such_python.* cannot start"):
         set_up(plan_for("/no_such_python", wheel, tmp_path / "runtime"), never, nobody)
