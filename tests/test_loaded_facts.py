@@ -11,10 +11,12 @@ from pe_runtime.config import read_toml
 from pe_runtime.config.model import ModelConfig
 from pe_runtime.config.objects import EncoderConfig
 from pe_runtime.contract.camera import project
+from pe_runtime.contract.errors import CheckpointError
 from pe_runtime.contract.model_facts import Volume
 from pe_runtime.environment import MODELS, PlayableEnvironment
 from pe_runtime.interop.official_entries import official_config
 from pe_runtime.networks import SynthesisNetworks
+from pe_runtime.shots.clips import start_from_clip
 from pe_runtime.worker.loaded_facts import facts_of, turning_names
 from pe_runtime.worker.usual_cameras import usual_camera
 
@@ -71,6 +73,49 @@ def test_headings_are_seen_by_an_encoder_or_predicted_by_the_dynamics():
     seen = replace(config.classes["player"], heading=look)
     sees = replace(config, classes={**config.classes, "player": seen})
     assert turning_names(loaded(sees, acting=False)) == config.playable_names
+
+
+@pytest.mark.parametrize(
+    ("described", "wanted"),
+    [
+        ([(0.3, 0.1), (-0.2, 0.0), (0.0, 0.0)], ((0.3, 0.1), (-0.2, 0.0), (0.0, 0.0))),
+        ([(0.3, 0.1)], ()),
+        ([], ()),
+    ],
+)
+def test_movements_are_those_of_the_header_if_it_has_all(described, wanted):
+    header = {"actions": {"player": [{"name": "x", "movement": list(each)} for each in described]}}
+    assert facts_of(loaded(**header)).movements == dict.fromkeys(tiny_model.PLACES, wanted)
+
+
+def test_the_envelope_of_the_header_is_passed_on_and_nonsense_is_refused():
+    spans = {"camera_heights": [1, 2], "camera_distances": [3, 4], "camera_pitches": [-9, 0]}
+    spans |= {"fields_of_view": [40, 50], "box_heights": [0.1, 0.5], "positions": [[0, 0], [1, 2]]}
+    assert facts_of(loaded()).envelope is None
+    assert facts_of(loaded(envelope=spans)).envelope.positions == ((0.0, 0.0), (1.0, 2.0))
+    for wrong in ({}, [], spans | {"box_heights": [0.5, 0.1]}):
+        with pytest.raises(CheckpointError, match="training data"):
+            facts_of(loaded(envelope=wrong))
+
+
+def test_the_device_is_told_in_words_and_the_detector_is_there():
+    facts = facts_of(loaded(), "ab")
+    assert (facts.device, facts.digest, facts.detects) == ("cpu", "ab", True)
+
+
+def test_the_envelope_of_the_builtin_model_holds_its_usual_camera_and_its_clip():
+    facts = facts_of(PlayableEnvironment.load("duel", "cpu"))
+    start = start_from_clip(MODELS / "duel_clip")
+    for camera in (facts.usual_camera, start.camera):
+        low, high = facts.envelope.camera_heights
+        assert low < camera.world_from_camera[2, 3] < high
+        pitch = np.degrees(np.arcsin(camera.world_from_camera[2, 2]))
+        assert facts.envelope.camera_pitches[0] < pitch < facts.envelope.camera_pitches[1]
+        angle = np.degrees(2 * np.arctan(camera.width / 2 / camera.intrinsics[0, 0]))
+        assert facts.envelope.fields_of_view[0] < angle < facts.envelope.fields_of_view[1]
+    for _, top, _, bottom in start.boxes.values():
+        low, high = facts.envelope.box_heights
+        assert low < (bottom - top) / start.camera.height < high
 
 
 def test_terms_of_imported_weights_are_passed_on():

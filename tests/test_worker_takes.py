@@ -1,6 +1,7 @@
 """Takes: parts of a prepared shot, filmed in their own way, over the prediction of the whole."""
 
 import dataclasses
+import json
 import os
 
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 import tiny_model
 from plain_worker import LOAD, Worker, boxes, camera, make_shot, render
 
+from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.messages import Message
-from pe_runtime.contract.shot import ObjectTrack, Shot, Start
+from pe_runtime.contract.shot import ObjectTrack, PoseKey, Shot, Start, StyleMix
 from pe_runtime.environment import PlayableEnvironment
 from pe_runtime.images import write_png
 from pe_runtime.shots.clips import start_from_clip
@@ -160,6 +162,88 @@ def test_a_take_of_a_real_model_is_byte_for_byte_the_frame_of_a_shot_changed_the
     (drawn,) = world_of(model).render(take, [9], real)
     assert set(drawn.buffers) == {"rgb", "depth", "mask:player_1"}
     assert same_bytes(drawn, expected)
+
+
+def lender_of(real, path):
+    """A state file in which the players look otherwise."""
+    state = world_of(real.model).encode(
+        np.full((16, 32, 3), 200, np.uint8), tiny_model.camera(), tiny_model.boxes()
+    )
+    path.write_text(json.dumps(state))
+    return str(path)
+
+
+def test_a_take_has_styles_and_poses_of_its_own(model, real, tmp_path):
+    file = lender_of(real, tmp_path / "other.json")
+    styled = dataclasses.replace(
+        real.objects[0],
+        styles=(StyleMix(1, file, "player_2", 0.5), StyleMix(9, None, "player_2", 0.75)),
+        poses=(PoseKey(2, 12), PoseKey(10, None)),
+    )
+    changed = dataclasses.replace(real, objects=(styled, real.objects[1]))
+    for frame in (4, 9):
+        (expected,) = world_of(model).render(changed, [frame])
+        take = take_of(real, frame, objects=(dataclasses.replace(styled, actions=()),))
+        world = world_of(model)
+        (drawn,) = world.render(take, [frame], real)
+        assert same_bytes(drawn, expected)
+        (plain,) = world.render(take_of(real, frame), [frame], real)
+        assert not same_bytes(drawn, plain)
+        assert world.digests(take, real) == {frame: world.digests(changed)[frame]}
+
+
+def test_a_take_may_not_hold_what_the_whole_has_not(model, real):
+    for track, named in (
+        (ObjectTrack("player_1", poses=(PoseKey(1, 14),)), "frame 14"),
+        (ObjectTrack("player_1", styles=(StyleMix(1, "/no/state.json", "player_1", 1.0),)), "/no/"),
+        (ObjectTrack("player_1", styles=(StyleMix(1, None, "nobody", 1.0),)), "nobody"),
+    ):
+        with pytest.raises(ShotError, match=named):
+            next(world_of(model).render(take_of(real, 2, objects=(track,)), [2], real))
+
+
+def test_a_lender_that_was_written_again_is_read_again(model, real, tmp_path):
+    path, world = tmp_path / "other.json", world_of(model)
+    track = ObjectTrack("player_1", styles=(StyleMix(1, str(path), "player_2", 1.0),))
+    take = take_of(real, 2, objects=(track,))
+    lender_of(real, path)
+    (before,) = world.render(take, [2], real)
+    content = json.loads(path.read_text())
+    style = content["objects"]["player_2"]["style"]
+    content["objects"]["player_2"]["style"] = [each + 3.0 for each in style]
+    path.write_text(json.dumps(content))
+    os.utime(path, ns=(1, 1))
+    (after,) = world.render(take, [2], real)
+    assert not same_bytes(after, before)
+
+
+def test_regions_and_layers_of_a_real_model_come_as_bytes(model, real):
+    passes = ("layer:player_1", "background", "depth")
+    whole = dataclasses.replace(real, passes=passes)
+    part = dataclasses.replace(whole, region=(8, 2, 20, 12))
+    (all_of_it,), (some,) = (world_of(model).render(each, [3]) for each in (whole, part))
+    assert some.buffers["layer:player_1"].shape == (12, 20, 4)
+    assert some.buffers["layer:player_1"].dtype == some.buffers["background"].dtype == np.uint8
+    for name, buffer in some.buffers.items():
+        np.testing.assert_array_equal(buffer, all_of_it.buffers[name][2:14, 8:28])
+
+
+def test_digests_tell_models_apart(model, real, tmp_path):
+    other = tiny_model.write_model(tmp_path / "other.safetensors", seed=1)
+    own = world_of(model).digests(real)
+    assert len(set(own.values())) == FRAMES
+    assert not set(own.values()) & set(
+        world_of(other).digests(dataclasses.replace(real, model=other)).values()
+    )
+
+
+def test_actions_of_a_real_model_are_inferred_from_states_as_json(model, real):
+    world = world_of(model)
+    picture = np.zeros((16, 32, 3), np.uint8)
+    state = world.encode(picture, tiny_model.camera(), tiny_model.boxes())
+    found = world.infer_actions([state] * 4, [tiny_model.camera()] * 4)
+    assert {name: len(each) for name, each in found.items()} == {"player_1": 3, "player_2": 3}
+    assert all(each in (0, 1, 2) for own in found.values() for each in own)
 
 
 def test_the_frames_of_a_range_predict_once(model, real, monkeypatch):

@@ -6,13 +6,11 @@ import numpy as np
 from jaxtyping import Float
 
 from pe_runtime.evaluation.detection import Box
-from pe_runtime.evaluation.detector_network import PersonDetector, component_boxes
+from pe_runtime.evaluation.detector_network import component_boxes
 
 
 def find_players(
-    detector: PersonDetector,
-    picture: Float[np.ndarray, "height width 3"],
-    names: Sequence[str],
+    logits: Float[np.ndarray, "height width"], names: Sequence[str]
 ) -> dict[str, tuple[Box, float]]:
     """Boxes of as many people as are named, the surest ones, and how sure each is.
 
@@ -20,14 +18,12 @@ def find_players(
     fewer people are found than names are given, the last names get none.
 
     Args:
-        detector: Finds people.
-        picture: Float32 sRGB in [0, 1].
+        logits: How sure a detector is of a person at each pixel, see `PersonDetector.logits`.
         names: Players, from left to right.
 
     Returns:
         By name a box in pixels, and the mean probability of a person on its silhouette.
     """
-    logits = detector.logits(picture)
     found = [(box, _surety(logits, box)) for box in component_boxes(logits > 0)]
     surest = sorted(found, key=lambda each: -each[1])[: len(names)]
     in_order = sorted(surest, key=lambda each: each[0][0] + each[0][2])

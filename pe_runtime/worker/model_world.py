@@ -133,7 +133,7 @@ class ModelWorld:
         from pe_runtime.evaluation.finding_people import find_players
 
         picture = image.astype(np.float32) / np.float32(255)
-        return find_players(load_detector(OWN_DETECTOR), picture, names)
+        return find_players(load_detector(OWN_DETECTOR).logits(picture), names)
 
     def proxy_mesh(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """The box of an object's volume, around its origin, metres."""
