@@ -18,12 +18,20 @@ def demo(
     size: Annotated[str | None, typer.Option(help="Pixels; default: the picture's.")] = None,
     quality: Annotated[str, typer.Option(help="exact, balanced or draft.")] = "exact",
     clip: Annotated[Path | None, typer.Option(help="Another clip to start from.")] = None,
+    passing_cube: Annotated[
+        bool, typer.Option("--passing-cube", help="The example of compositing instead.")
+    ] = False,
 ) -> None:
     """From one picture to a filmed strip: encode, key, bake, render, cut."""
-    from pe_runtime.demo import DemoOptions, run_demo
+    from pe_runtime.demo import DemoOptions, run_demo, run_passing_cube
 
     pixels = None if size is None else parse_size(size)
     options = DemoOptions(model, actions, pixels, quality, clip, device())
+    if passing_cube:
+        with progress("frames") as report_progress:
+            made = run_passing_cube(out, options, report_progress)
+        show(made, f"{out}: open {made['contact_sheet']} or {made['blend']}")
+        return
     with progress("frames") as report_progress:
         report = run_demo(out, options, report_progress)
     show(report, _summary(out, report))

@@ -4,7 +4,7 @@ import json
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -93,10 +93,10 @@ def run_demo(
     with clock.stage("compare first picture"):
         likeness = _psnr_of_start(environment, start)
     keys = _action_keys(environment, start, options.actions)
-    spec = _spec(out, options, start, keys)
+    spec = spec_of(out, options, start, keys)
     (out / "spec.json").write_text(json.dumps(spec, indent=1))
     with clock.stage("blender"):
-        filmed = _film(out, on_progress)
+        filmed = film_in_blender(out, BLENDER_PROGRAM, on_progress)
     frames = [Path(path) for path in filmed["frames"]]
     with clock.stage("contact sheet"):
         sheet = out / "contact_sheet.png"
@@ -147,9 +147,10 @@ def _action_keys(
     }
 
 
-def _spec(
+def spec_of(
     out: Path, options: DemoOptions, start: Start, keys: Mapping[str, list[list[Any]]]
 ) -> dict[str, Any]:
+    """What the spec file says of a film from a start, with these keys."""
     width, height = options.size or (start.camera.width, start.camera.height)
     return {
         "image": start.image,
@@ -169,15 +170,26 @@ def _spec(
     }
 
 
-def _film(out: Path, on_progress: Callable[[int, int], None]) -> dict[str, Any]:
-    """Let Blender film the spec in a process of its own and return its report."""
-    command = [sys.executable, *BLENDER_PROGRAM, "--spec", str(out / "spec.json")]
+def film_in_blender(
+    out: Path, program: Sequence[str], on_progress: Callable[[int, int], None]
+) -> dict[str, Any]:
+    """Let Blender film a folder's spec.json in a process of its own and return its report.
+
+    Args:
+        out: The folder; gets blender.log beside what the program makes.
+        program: Arguments of Python that run it.
+        on_progress: Called with frames drawn and their number.
+
+    Raises:
+        DemoError: Blender is missing or failed.
+    """
+    command = [sys.executable, *program, "--spec", str(out / "spec.json")]
     log = out / "blender.log"
     with log.open("wb") as words:
         process = subprocess.Popen(command, stdout=words, stderr=subprocess.STDOUT)
         try:
             while process.poll() is None:
-                on_progress(len(list((out / "frames").glob("*.png"))), FRAMES)
+                on_progress(min(len(list(out.glob("*/frame_*.png"))), FRAMES), FRAMES)
                 time.sleep(POLL_SECONDS)
         finally:
             # After Ctrl-C: the worker ends by itself when Blender's end of its pipe closes.
