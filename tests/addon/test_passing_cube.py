@@ -12,7 +12,7 @@ from blender_addon.demo_scene import DemoSpec  # noqa: E402
 from blender_addon.examples import passing_cube  # noqa: E402
 from blender_addon.scene_bridge import playable_objects  # noqa: E402
 
-BOXES = {"player_1": (16.0, 8.0, 25.0, 34.0), "player_2": (38.0, 8.0, 45.0, 27.0)}
+BOXES = {"player_1": (16.0, 8.0, 25.0, 34.0), "player_2": (38.0, 8.0, 45.0, 25.5)}
 WIDTH, HEIGHT, FRAMES = 64, 36, 24
 
 
