@@ -76,6 +76,33 @@ def continue_bake(
         each.update_tag(refresh={"TIME"})
 
 
+def restore_path(
+    scene: bpy.types.Scene,
+    target: bpy.types.Object,
+    bake: Bake,
+    moments: Sequence[Moment],
+    restored: np.ndarray,
+) -> None:
+    """Key the baked path of one object again.
+
+    Args:
+        scene: Its scene.
+        target: The object.
+        bake: The scene's.
+        moments: The sampled frames of the baked shot.
+        restored: (frames,) at which of them; keys at the others stay.
+
+    Raises:
+        ShotError: The object cannot take its path.
+    """
+    name, shot = target.playable.object_name, bake.shot
+    local = _local_spaces(target, scene, moments)
+    channels = _channels(target, bake.paths[name], bake.headings.get(name), local)
+    frames, curves = np.arange(shot.frame_start, shot.frame_end + 1.0), own_curves(target)
+    for channel, values in channels.items():
+        write_curve(curves, channel, frames, values, restored)
+
+
 def baked_from(shot: Shot, predicted: PredictedPaths) -> Bake:
     """The bake of a shot and what the worker answered; needs no Blender.
 

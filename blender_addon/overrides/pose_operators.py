@@ -5,9 +5,8 @@ from bpy.props import BoolProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
-from ..fcurves import make_stepped, own_curves
 from ..worker_operator import Result, allowed, failed
-from .pose_holds import POSE_PATH
+from .key_history import POSE_PATH, key_from
 
 
 class PLAYABLE_OT_hold_pose(bpy.types.Operator):
@@ -36,12 +35,9 @@ class PLAYABLE_OT_hold_pose(bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> Result:
         target, frame = context.object, context.scene.frame_current
         try:
-            own_curves(target)
+            key_from(target, POSE_PATH, frame, "HELD" if self.hold else "FREE", "FREE")
         except PlayableEnvironmentError as error:
             return failed(self, error)
-        target.playable.overrides.pose = "HELD" if self.hold else "FREE"
-        target.keyframe_insert(POSE_PATH, frame=frame)
-        make_stepped(target, POSE_PATH)
         return {"FINISHED"}
 
 

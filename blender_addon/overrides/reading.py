@@ -9,8 +9,8 @@ import bpy
 from pe_runtime.contract.errors import ShotError
 
 from ..state_files import state_file, stored_state
+from .key_history import PLACE_PATH, first_change, held_since
 from .lenders import Lender, check_class, lenders_of
-from .pose_holds import held_since
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,10 @@ def read_override(evaluated: bpy.types.Object, scene: bpy.types.Scene, frame: in
             held.
     """
     own = evaluated.playable.overrides
+    scene = scene.playable_environment.stand_in_for or scene
     held = held_since(evaluated.original, frame) if own.pose == "HELD" else None
-    return Override(own.place == "FREE", _style(evaluated, scene), held)
+    free = own.place == "FREE" and frame >= first_change(evaluated.original, PLACE_PATH)
+    return Override(free, _style(evaluated, scene), held)
 
 
 def _style(evaluated: bpy.types.Object, scene: bpy.types.Scene) -> LentStyle | None:

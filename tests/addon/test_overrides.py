@@ -15,7 +15,7 @@ from blender_addon.bake import (  # noqa: E402
     take_as_baked,
     take_of_moment,
 )
-from blender_addon.overrides.pose_holds import held_since  # noqa: E402
+from blender_addon.overrides.key_history import held_since  # noqa: E402
 from blender_addon.scene_bridge import playable_objects, sample_range  # noqa: E402
 from pe_runtime.contract.errors import ShotError  # noqa: E402
 from pe_runtime.contract.shot import PoseKey, StyleMix  # noqa: E402
