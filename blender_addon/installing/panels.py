@@ -8,40 +8,72 @@ from ..panel import PlayablePanel
 from ..runtime_python import find_python
 from ..session import session
 from .installation import installation
-from .preferences import ADDON, draw_progress
-from .words import worker_words
+from .preferences import ADDON, draw_progress, set_up_refusal, show_lines
+from .words import PANEL_CHARACTERS, WAY, worker_words, wrapped
+
+
+class PLAYABLE_PT_set_up(PlayablePanel, bpy.types.Panel):
+    """Before anything else: where there is no runtime yet, the way to one."""
+
+    bl_label = "Set Up"
+    bl_idname = "PLAYABLE_PT_set_up"
+    bl_order = 0
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return not has_runtime() or installation.sets_up
+
+    def draw(self, _context: bpy.types.Context) -> None:
+        draw_way_to_a_runtime(self.layout)
 
 
 class PLAYABLE_PT_runtime(PlayablePanel, bpy.types.Panel):
-    """What the worker is doing, and what to do where there is no runtime."""
+    """What the worker is doing."""
 
     bl_label = "Runtime"
     bl_idname = "PLAYABLE_PT_runtime"
     bl_order = 9
 
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        return has_runtime()
+
     def draw(self, _context: bpy.types.Context) -> None:
-        layout = self.layout
-        has_runtime = session.has_command or find_python(session.places, os.environ) is not None
-        words = worker_words(
-            session.status, session.doing, session.device, session.error, has_runtime
-        )
-        row = layout.row(align=True)
-        row.label(text=words.title, icon=words.icon)
-        row.operator("playable.stop_worker", text="", icon="CANCEL")
-        row.operator("preferences.addon_show", text="", icon="PREFERENCES").module = ADDON
-        for line in words.lines:
-            layout.label(text=line)
-        if installation.sets_up:
-            draw_progress(layout)
-        elif not has_runtime:
-            layout.operator("playable.set_up_runtime", icon="IMPORT")
+        draw_worker(self.layout)
 
 
-CLASSES = (PLAYABLE_PT_runtime,)
+def has_runtime() -> bool:
+    """Whether there is anything to start; whether it starts, preferences and errors tell."""
+    return session.has_command or find_python(session.places, os.environ) is not None
+
+
+def draw_way_to_a_runtime(layout: bpy.types.UILayout) -> None:
+    """Show how to get a runtime, or how far it is."""
+    if installation.sets_up:
+        draw_progress(layout)
+        return
+    show_lines(layout, wrapped(WAY, PANEL_CHARACTERS), "INFO")
+    layout.operator("playable.set_up_runtime", icon="IMPORT")
+    show_lines(layout, wrapped(set_up_refusal(), PANEL_CHARACTERS), "ERROR")
+    preferences = layout.operator("preferences.addon_show", text="Preferences", icon="PREFERENCES")
+    preferences.module = ADDON
+
+
+def draw_worker(layout: bpy.types.UILayout) -> None:
+    """Show what the worker does."""
+    words = worker_words(session.status, session.doing, session.device, session.error)
+    row = layout.row(align=True)
+    row.label(text=words.title, icon=words.icon)
+    row.operator("playable.stop_worker", text="", icon="CANCEL")
+    row.operator("preferences.addon_show", text="", icon="PREFERENCES").module = ADDON
+    show_lines(layout, words.lines, "BLANK1")
+
+
+CLASSES = (PLAYABLE_PT_set_up, PLAYABLE_PT_runtime)
 
 
 def register() -> None:
-    """Register the panel."""
+    """Register the panels."""
     for each in CLASSES:
         bpy.utils.register_class(each)
 

@@ -9,7 +9,8 @@ from ..runtime_python import CHOSEN, OWN, PRIVATE, VARIABLE
 from .plan import GIGABYTE, SetUpPlan, offers_choice
 from .runtime_state import BROKEN, CHECKING, MISSING, READY, UNKNOWN, WRONG_VERSION, RuntimeState
 
-LINE_CHARACTERS, PANEL_CHARACTERS = 78, 40
+LINE_CHARACTERS, PANEL_CHARACTERS = 78, 36
+WAY = "Drawing needs a runtime beside Blender. It is set up once"
 ICONS = {
     UNKNOWN: "QUESTION",
     CHECKING: "SORTTIME",
@@ -59,7 +60,7 @@ def short_words(state: RuntimeState) -> str:
     return _title(state)
 
 
-def worker_words(status: str, doing: str, device: str, error: str, has_runtime: bool) -> Words:
+def worker_words(status: str, doing: str, device: str, error: str) -> Words:
     """The worker, for the panel.
 
     Args:
@@ -67,11 +68,7 @@ def worker_words(status: str, doing: str, device: str, error: str, has_runtime: 
         doing: As `Session.doing`.
         device: What the loaded model computes on; empty: none is loaded.
         error: As `Session.error`.
-        has_runtime: Whether there is anything to start.
     """
-    if not has_runtime:
-        lines = wrapped("Set it up here, or name a Python in the preferences", PANEL_CHARACTERS)
-        return Words(ICONS[MISSING], "No runtime yet", lines)
     if error:
         return Words("ERROR", "The worker failed", wrapped(error.splitlines()[0], PANEL_CHARACTERS))
     if doing or status in ("busy", "starting"):

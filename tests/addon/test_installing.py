@@ -10,7 +10,7 @@ from addon.stub_runtime import write_wheels
 bpy = pytest.importorskip("bpy")
 pytestmark = pytest.mark.blender
 
-from blender_addon.installing import operators, preferences  # noqa: E402
+from blender_addon.installing import operators, panels, preferences  # noqa: E402
 from blender_addon.installing.installation import DONE, STOPPED, installation  # noqa: E402
 from blender_addon.installing.plan import ENVIRONMENT  # noqa: E402
 from blender_addon.installing.runtime_state import BROKEN, MISSING, READY, UNKNOWN  # noqa: E402
@@ -86,7 +86,10 @@ def test_offline_the_button_is_grey_and_says_how_to_allow_it(place):
         bpy.ops.playable.set_up_runtime()
     assert not place.exists()
     shown = shown_by(preferences.draw_set_up)
-    assert "Allow Online Access" in shown.replace("\n", " ") and "[extensions.userpref_show_online]" in shown
+    assert (
+        "Allow Online Access" in shown.replace("\n", " ")
+        and "[extensions.userpref_show_online]" in shown
+    )
 
 
 def test_a_checkout_says_that_it_brings_no_runtime(addon):
@@ -153,6 +156,23 @@ def test_without_a_runtime_every_request_tells_the_way(addon, monkeypatch, envir
     assert NO_RUNTIME in str(caught.value)
     bpy.ops.playable.check_runtime()
     assert installation.state.kind == MISSING
+
+
+def test_without_a_runtime_the_sidebar_begins_with_the_way_to_one(place, addon):
+    addon.use_command(None)
+    addon.places = Places()
+    assert panels.PLAYABLE_PT_set_up.poll(bpy.context)
+    assert not panels.PLAYABLE_PT_runtime.poll(bpy.context)
+    shown = shown_by(panels.draw_way_to_a_runtime)
+    assert "[playable.set_up_runtime]" in shown and "[preferences.addon_show]" in shown
+
+
+def test_with_a_runtime_the_sidebar_tells_what_the_worker_does(addon):
+    assert not panels.PLAYABLE_PT_set_up.poll(bpy.context)
+    assert panels.PLAYABLE_PT_runtime.poll(bpy.context)
+    assert "Starts when it is needed" in shown_by(panels.draw_worker)
+    addon.facts("fake")
+    assert "Ready" in shown_by(panels.draw_worker)
 
 
 def test_registering_starts_nothing_and_looks_at_no_file(addon):

@@ -183,14 +183,13 @@ def test_of_a_log_its_errors_are_told_or_else_its_end():
 @pytest.mark.parametrize(
     ("worker", "title"),
     [
-        (("stopped", "", "", "", False), "No runtime yet"),
-        (("stopped", "", "", "", True), "Starts when it is needed"),
-        (("starting", "Loading the model", "", "", True), "Loading the model"),
-        (("starting", "", "", "", True), "Starting"),
-        (("busy", "", "cpu", "", True), "Drawing"),
-        (("ready", "", "cpu", "", True), "Ready on cpu"),
-        (("ready", "", "", "", True), "Ready"),
-        (("failed", "", "", "out of memory\nmore", True), "The worker failed"),
+        (("stopped", "", "", ""), "Starts when it is needed"),
+        (("starting", "Loading the model", "", ""), "Loading the model"),
+        (("starting", "", "", ""), "Starting"),
+        (("busy", "", "cpu", ""), "Drawing"),
+        (("ready", "", "cpu", ""), "Ready on cpu"),
+        (("ready", "", "", ""), "Ready"),
+        (("failed", "", "", "out of memory\nmore"), "The worker failed"),
     ],
 )
 def test_the_worker_has_words_for_all_it_does(worker, title):

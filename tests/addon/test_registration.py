@@ -89,7 +89,8 @@ for time in range(3):
 
 def run(program, *arguments, **variables):
     """In an interpreter of its own, so that no other test has registered anything before."""
-    known = os.environ | {"PYTHONPATH": os.pathsep.join((str(ROOT), str(ROOT / "tests")))}
+    reached = (str(ROOT), str(ROOT / "tests"), os.environ.get("PYTHONPATH", ""))
+    known = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, reached))}
     command = [sys.executable, "-c", BEGIN + program, *map(str, arguments)]
     done = subprocess.run(command, capture_output=True, text=True, env=known | variables)
     assert done.returncode == 0, done.stderr
