@@ -7,6 +7,7 @@ import signal
 import sys
 from pathlib import Path
 
+import OpenImageIO as oiio  # noqa: N813 its own documentation's name
 import pytest
 import tiny_model
 import torch
@@ -71,6 +72,29 @@ def orders(count=3):
     objects["ground"] = ObjectState(torch.zeros(3), torch.randn(4), torch.zeros(0))
     state = EnvironmentState(objects)
     return [FrameOrder(n, f"digest {n}", state, tiny_model.camera(0.1 * n)) for n in range(count)]
+
+
+@pytest.mark.parametrize("region", [None, (2, 1, 20, 12)])
+def test_a_job_comes_back_with_its_region_layers_and_background(model, region):
+    asked = job(model, region=region, layers=("player_2",), background=True)
+    back, _ = unpack(pack(asked, orders(1)))
+    assert back == asked
+    for wish in ({"layers": ("player_1",)}, {"background": True}):
+        passes = job(model, depth=False, masks=(), **wish)
+        assert drawing.endings(passes) == (".exr", ".png")
+    assert drawing.endings(job(model, depth=False, masks=())) == (".png",)
+
+
+def test_a_worker_draws_the_region_and_the_layers_of_a_job(model, tmp_path):
+    asked = job(model, region=(2, 1, 20, 12), layers=("player_2",), background=True)
+    answer = draw(pack(asked, orders(1)), at(tmp_path))
+    assert answer.problem == "", answer.problem
+    (tmp_path / "0.exr").write_bytes(answer.drawn[0][".exr"])
+    picture = oiio.ImageInput.open(str(tmp_path / "0.exr"))
+    names, size = picture.spec().channelnames, (picture.spec().width, picture.spec().height)
+    picture.close()
+    assert size == (20, 12)
+    assert {"layer.player_2.A", "background.R", "Z", "mask.player_1"} <= set(names)
 
 
 def at(tmp_path, threads=1):

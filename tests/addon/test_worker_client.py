@@ -51,6 +51,20 @@ def test_a_worker_loads_encodes_predicts_and_draws(started, picture):
     assert list(frame.masks) == ["player_1"]
 
 
+def test_layers_and_background_of_a_region_come_with_the_frame(started, picture):
+    client = started(FAKE)
+    client.load("fake")
+    passes = ("layer:player_1", "layer:player_2", "background", "mask:player_1")
+    frame = client.render(shot_of(picture, passes=passes, region=(8, 4, 40, 30)), 2)
+    assert list(frame.layers) == ["player_1", "player_2"] and list(frame.masks) == ["player_1"]
+    for layer in frame.layers.values():
+        assert (layer.shape, layer.dtype) == ((30, 40, 4), np.uint8)
+    assert (frame.background.shape, frame.background.dtype) == ((30, 40, 3), np.uint8)
+    np.testing.assert_array_equal(frame.layers["player_1"][..., 3] > 0, frame.masks["player_1"] > 0)
+    plain = client.render(shot_of(picture), 2)
+    assert plain.background is None and not plain.layers
+
+
 def test_headings_are_told_apart_from_positions(started, picture):
     client = started(FAKE)
     assert client.load("turning").turning_names == ("player_1", "player_2")

@@ -5,6 +5,8 @@ import torch
 from small_world import small_clips, small_config, small_networks
 
 from pe_runtime.checkpoint import load_checkpoint
+from pe_runtime.contract.envelope import ENVELOPE_KEY
+from pe_runtime.curation.envelope import known_envelope
 from pe_runtime.environment import PlayableEnvironment
 from pe_runtime.training.action_config import ActionTrainingConfig
 from pe_runtime.training.encoded_clips import encode_clips
@@ -44,6 +46,14 @@ def test_a_trained_model_has_no_action_that_nobody_takes(trained):
     loaded = PlayableEnvironment.load(trained, device="cpu")
     assert "unused" not in loaded.action_names["player_1"]
     assert 1 <= loaded.config.action.actions <= small_config().action.actions
+
+
+def test_a_model_says_what_it_was_trained_on_and_keeps_what_its_drawing_says(trained, tmp_path):
+    own = load_checkpoint(trained)[0][ENVELOPE_KEY]
+    assert own == known_envelope(small_clips())[ENVELOPE_KEY]
+    others = dataclasses.replace(small_clips(), boxes=small_clips().boxes + 5.0)
+    again = train_model_actions(trained, others, ONE_STEP, tmp_path)
+    assert load_checkpoint(again)[0][ENVELOPE_KEY] == own != known_envelope(others)[ENVELOPE_KEY]
 
 
 @pytest.mark.parametrize("go_on", [True, False])

@@ -359,7 +359,7 @@ def test_a_whole_training_writes_its_model_its_settings_and_its_metrics(tmp_path
     settings = json.loads((tmp_path / "config.json").read_text())
     assert settings["synthesis"]["steps"] == 3
     header, tensors = load_checkpoint(tmp_path / "synthesis.safetensors")
-    assert (header["kind"], header["steps"]) == ("synthesis", 3)
+    assert (header["kind"], header["steps"], "envelope" in header) == ("synthesis", 3, True)
     again = SynthesisNetworks(config)
     load_synthesis(again, tensors)
     assert all(
