@@ -19,6 +19,7 @@ def _parts() -> tuple:
         session,
         settings,
         strips,
+        written_files,
     )
 
     return (
@@ -27,6 +28,7 @@ def _parts() -> tuple:
         installing,
         exact_colours,
         preview,
+        written_files,
         engine,
         framing,
         playing,

@@ -26,6 +26,7 @@ from .render_passes import COMBINED, blender_pass, pass_numbers
 from .replies import RenderedFrame, WorkerCancelledError
 from .scene_bridge import frames_per_second, read_moment, wanted_passes
 from .session import session
+from .written_files import check_room
 
 # Shared by name, but all they show are passes and filters of Blender's own engines.
 FOREIGN_PANELS = ("VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes")
@@ -91,6 +92,9 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
             scene.playable_environment.quality,
             wanted_passes(scene, depsgraph.view_layer),
         )
+        if self.is_animation:
+            channels = len("RGBA") + sum(len(blender_pass(name).channels) for name in output.passes)
+            check_room(scene, self.resolution_x * self.resolution_y, channels)
         region = self._region(scene)
         take = take_of_moment(bake, moment, frames_per_second(scene), output)
         watch = self._watch(scene, take)

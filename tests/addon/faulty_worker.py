@@ -48,11 +48,29 @@ class SlowlyLoadedWorld(FakeWorld):
         return super().load(model)
 
 
+class SlowlyPreparedWorld(FakeWorld):
+    """Takes its time to predict."""
+
+    def rollout(self, shot):
+        time.sleep(1.0)
+        return super().rollout(shot)
+
+
+class SlowlyEncodedWorld(FakeWorld):
+    """Takes its time to look at a picture."""
+
+    def encode(self, image, camera, boxes):
+        time.sleep(1.0)
+        return super().encode(image, camera, boxes)
+
+
 WORLDS = {
     "fails": FailingWorld,
     "dies": DyingWorld,
     "small": SmallWorld,
     "slow_to_load": SlowlyLoadedWorld,
+    "slow_to_prepare": SlowlyPreparedWorld,
+    "slow_to_encode": SlowlyEncodedWorld,
     "slow": lambda: FakeWorld(seconds_per_frame=1.0),
 }
 
