@@ -32,6 +32,16 @@ def show_behind(holder: bpy.types.Object, image: bpy.types.Image, before: object
     lens.show_background_images = True
 
 
+def hide_behind(holder: bpy.types.Object, image: bpy.types.Image) -> None:
+    """Show an Image behind a camera no longer; it stays there to be switched on again.
+
+    In Rendered shading Blender draws it over everything that is not a mesh, so over the preview.
+    """
+    for each in holder.data.background_images:
+        if each.image == image:
+            each.show_background_image = False
+
+
 def shown_size(scene: bpy.types.Scene) -> Size | None:
     """Width and height of the picture that is being framed; None while nobody has looked at it."""
     settings = scene.playable_environment

@@ -14,7 +14,7 @@ from pe_runtime.contract.model_facts import ModelFacts
 from .. import playables
 from ..playables import Picture
 from ..volumes import farthest
-from .backdrop import picture_image, show_behind
+from .backdrop import hide_behind, picture_image, show_behind
 from .box_limits import Box, all_inside
 from .cameras import (
     hold_camera,
@@ -103,6 +103,8 @@ def finish_opening(
         holder = hold_camera(scene, eye, farthest(facts, state, eye.world_from_camera[:3, 3]))
     scene.camera = holder
     show_picture_behind(scene, holder, picture.path)
+    if holder.data.is_editable:
+        hide_behind(holder, settings.framing.backdrop)
     settings.framing.is_open = False
     return _summary(opening, facts, eye, picture)
 
