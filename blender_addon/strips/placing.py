@@ -29,7 +29,7 @@ class StripPlan:
         name: Shown on the strip when it is new.
         files: One picture per frame, all in one folder.
         frame_start: Timeline frame of the first picture.
-        channel: Where a new strip goes; 0 for the first channel that is free.
+        channel: The lowest channel for a new strip, which takes the first free one from there.
         provenance: Where the pictures come from; None to leave that as it is.
     """
 
@@ -37,7 +37,7 @@ class StripPlan:
     name: str
     files: Sequence[Path]
     frame_start: int
-    channel: int = 0
+    channel: int = 1
     provenance: Provenance | None = None
 
     @property
@@ -90,7 +90,7 @@ def _new_strip(target: bpy.types.Scene, plan: StripPlan) -> bpy.types.Strip:
     strip = strips.new_image(
         name=plan.name,
         filepath=str(plan.files[0]),
-        channel=plan.channel or _free_channel(strips, plan.frame_start, plan.frame_end),
+        channel=_free_channel(strips, plan),
         frame_start=plan.frame_start,
         fit_method="FIT",
     )
@@ -101,14 +101,16 @@ def _new_strip(target: bpy.types.Scene, plan: StripPlan) -> bpy.types.Strip:
     return strip
 
 
-def _free_channel(strips: Iterable[bpy.types.Strip], start: int, end: int) -> int:
+def _free_channel(strips: Iterable[bpy.types.Strip], plan: StripPlan) -> int:
+    start, end, lowest = plan.frame_start, plan.frame_end, plan.channel
     spans = [(each.channel, *span(each)) for each in strips]
     taken = {channel for channel, first, frames in spans if first < end and first + frames > start}
-    for channel in range(1, LAST_CHANNEL + 1):
+    for channel in range(lowest, LAST_CHANNEL + 1):
         if channel not in taken:
             return channel
     raise ShotError(
-        f"all {LAST_CHANNEL} channels are taken from frame {start} to {end}; clear one of them"
+        f"all channels from {lowest} to {LAST_CHANNEL} are taken from frame {start} to {end}; "
+        "clear one of them"
     )
 
 

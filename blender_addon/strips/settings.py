@@ -20,11 +20,11 @@ class StripSettings(bpy.types.PropertyGroup):
     )
     channel: IntProperty(
         name="Channel",
-        description="Channel of a new strip; 0 for the first one that is free at its time. "
-        "A strip that is there already stays on its channel",
-        min=0,
+        description="Lowest channel for a new strip, which takes the first one from there on that "
+        "is free at its time. A strip that is there already stays on its channel",
+        min=1,
         max=128,
-        default=0,
+        default=1,
     )
     frame_offset: IntProperty(
         name="Start Offset",

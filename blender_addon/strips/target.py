@@ -52,7 +52,8 @@ def target_warnings(scene: bpy.types.Scene, target: bpy.types.Scene) -> list[str
             f"{target.name!r} plays {theirs:g} frames a second, the environment {own:g}: the strip "
             f"plays {theirs / own:.3g} times as fast; give both scenes one frame rate"
         )
-    if changes := colour_changes(target):
+    # Dither leaves a sequencer's bytes as they are.
+    if changes := [each for each in colour_changes(target) if "dither" not in each.lower()]:
         said.append(f"{target.name!r} changes the strip's colours: " + "; ".join(changes))
     return said
 
@@ -69,13 +70,13 @@ def _own_edit_scene(scene: bpy.types.Scene) -> bpy.types.Scene:
     if edit is None:
         edit = settings.edit_scene = bpy.data.scenes.new(f"{scene.name} Edit")
         edit.frame_start, edit.frame_end = scene.frame_start, scene.frame_end
+        use_exact_colours(edit)
     source, target = scene.render, edit.render
     # The size of the files at 100 %: the sequencer would shrink them once more by a percentage.
     target.resolution_x, target.resolution_y = file_size(scene)
     target.resolution_percentage = 100
     for name in _SHARED:
         setattr(target, name, getattr(source, name))
-    use_exact_colours(edit)
     return edit
 
 
