@@ -2,9 +2,9 @@
 
 
 def _parts() -> tuple:
-    from . import claim_operators, key_operators, operators, panels, watching
+    from . import claim_operators, clip_operators, key_operators, operators, panels, watching
 
-    return operators, key_operators, claim_operators, panels, watching
+    return operators, key_operators, claim_operators, clip_operators, panels, watching
 
 
 def register() -> None:

@@ -64,6 +64,7 @@ class PLAYABLE_PT_paths(PlayablePanel, bpy.types.Panel):
         row.prop(scene, "frame_start", text="Start")
         row.prop(scene, "frame_end", text="End")
         layout.operator("playable.bake_paths", icon="CURVE_PATH")
+        layout.operator_menu_enum("playable.actions_from_clip", "source", icon="FILE_MOVIE")
         layout.prop(scene.playable_environment.playing, "update_paths")
         _draw_bake(layout, scene)
         if note := live.note(scene):
