@@ -33,8 +33,8 @@ def _parts() -> tuple:
         framing,
         playing,
         overlay,
-        overrides,
         strips,
+        overrides,
         keeping,
     )
 

@@ -216,7 +216,7 @@ def camera_of_moment(bake: Bake, moment: Moment, output: Output) -> Camera:
     baked, now = _baked_camera(bake, moment.frame, output), moment.camera
     if _same_view(baked, now):
         return baked
-    if not turned(baked, now):
+    if not is_turned(baked, now):
         # The very axes that were baked: an exported shot predicts by the camera that it films with.
         pose = now.world_from_camera.copy()
         pose[:3, :3] = baked.world_from_camera[:3, :3]
@@ -224,7 +224,7 @@ def camera_of_moment(bake: Bake, moment: Moment, output: Output) -> Camera:
     return now
 
 
-def turned(a: Camera, b: Camera) -> bool:
+def is_turned(a: Camera, b: Camera) -> bool:
     """Whether two cameras look in other directions, or are rolled."""
     axes = a.world_from_camera[:3, :3] - b.world_from_camera[:3, :3]
     return bool(np.abs(axes).max() > CAMERA_TOLERANCE)

@@ -71,7 +71,7 @@ def build_environment(
     settings.note_facts(facts)
     settings.job = settings.job or uuid.uuid4().hex
     settings.state_text = write_text(
-        settings.state_text, f"{scene.name} environment", _state_json(picture, state)
+        settings.state_text, f"{scene.name} environment", state_json(picture, state)
     )
     settings.bake_text = None
     settings.set_boxes(facts.playable_names, picture.boxes)
@@ -198,7 +198,8 @@ def _new_empty(scene: bpy.types.Scene, name: str, facts: ModelFacts) -> bpy.type
     return each
 
 
-def _state_json(picture: Picture, state: Mapping) -> str:
+def state_json(picture: Picture, state: Mapping) -> str:
+    """An encoded picture as the text of a Blender text block."""
     start = {
         "image": picture.path,
         "camera": picture.camera.as_dict(),

@@ -11,6 +11,7 @@ import json
 import os
 import re
 import tempfile
+import uuid
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path, PurePath
@@ -39,6 +40,7 @@ def state_file(text: str) -> Path:
             if _holds(path, content):
                 return path
             try:
+                folder.mkdir(mode=0o700, exist_ok=True)
                 write_whole(path, content)
                 return path
             except OSError as error:
@@ -132,20 +134,18 @@ def with_files(shot: Shot, place: Callable[[str], str]) -> Shot:
 
 
 def write_whole(path: Path, content: bytes) -> None:
-    """Write a file that appears at once and complete; its folder is made if need be.
+    """Write a file that appears at once and complete.
 
     Raises:
         OSError: It cannot be written; nothing is left behind.
     """
-    path.parent.mkdir(mode=0o700, exist_ok=True)
-    handle, unfinished = tempfile.mkstemp(prefix=".", suffix=".part", dir=path.parent)
+    unfinished = path.with_name(f".{uuid.uuid4().hex}.part")
     try:
-        with os.fdopen(handle, "wb") as stream:
-            stream.write(content)
-        Path(unfinished).replace(path)
+        unfinished.write_bytes(content)
+        unfinished.replace(path)
     except BaseException:
         with contextlib.suppress(OSError):
-            Path(unfinished).unlink()
+            unfinished.unlink()
         raise
 
 

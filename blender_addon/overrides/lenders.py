@@ -90,4 +90,14 @@ def source_items(entries: tuple[tuple[int, str], ...]) -> tuple[tuple[str, str, 
     return (NOBODY, *chosen)
 
 
+@lru_cache(maxsize=16)
+def player_items(names: tuple[str, ...]) -> tuple[tuple[str, str, str, int], ...]:
+    """Enum items for the playable objects of a model; 0 is nobody."""
+    chosen = (
+        (f"P{number}", name, "The other picture shows it", number)
+        for number, name in enumerate(names, start=1)
+    )
+    return (NOBODY, *chosen)
+
+
 NOBODY = ("NONE", "None", "Nothing is chosen yet: the style stays its own", 0)

@@ -17,7 +17,7 @@ from bpy.props import (
 from pe_runtime.contract.errors import ShotError
 
 from ..state_files import stored_state
-from .lenders import NOBODY, Lender, lender_items, lenders_of, source_items
+from .lenders import NOBODY, Lender, lender_items, lenders_of, player_items, source_items
 
 OVERRIDABLE = {"LIBRARY_OVERRIDABLE"}
 PLACES = (
@@ -73,7 +73,11 @@ def _sources_to_choose(self: "OverrideSettings", _context: object) -> tuple:
 
 def _players_to_choose(self: "StyleLibrary", _context: object) -> tuple:
     names = [each.name for each in self.id_data.playable_environment.boxes]
-    return source_items(tuple(enumerate(names, start=1)))
+    return player_items(tuple(names))
+
+
+def _has_environment(self: "StyleLibrary", candidate: bpy.types.Scene) -> bool:
+    return candidate != self.id_data and candidate.playable_environment.root is not None
 
 
 def _show(self: "OverrideSettings", _context: object) -> None:
@@ -208,9 +212,16 @@ class StyleLibrary(bpy.types.PropertyGroup):
         options={"PATH_SUPPORTS_BLEND_RELATIVE"},
         override=OVERRIDABLE,
     )
+    scene: PointerProperty(
+        name="Scene",
+        description="Another scene with an environment of the same model",
+        type=bpy.types.Scene,
+        poll=_has_environment,
+        override=OVERRIDABLE,
+    )
     player: EnumProperty(
         name="Object",
-        description="Which playable object of the model is seen there",
+        description="Which playable object of the model is seen there; none: the active Empty's",
         items=_players_to_choose,
         options=set(),
         override=OVERRIDABLE,
@@ -234,6 +245,12 @@ class StyleLibrary(bpy.types.PropertyGroup):
         options=set(),
         override=OVERRIDABLE,
     )
+
+    def player_name(self) -> str:
+        """The object that the other picture shows; empty where none is chosen."""
+        names = [each.name for each in self.id_data.playable_environment.boxes]
+        number = int(self.get("player", 0))
+        return names[number - 1] if 0 < number <= len(names) else ""
 
     def by_number(self, number: int) -> StyleSource | None:
         """The style of a number; None where it was removed."""
