@@ -198,13 +198,16 @@ class PlayableEnvironment:
             Object name -> action indices, one fewer than there are states.
 
         Raises:
-            ConfigError: No states, or not as many cameras as states.
+            ConfigError: No states, not as many cameras as states, or states of another model.
+            CheckpointError: The model has no trained actions.
         """
         if not states or len(states) != len(cameras):
             raise ConfigError(
                 f"actions are inferred from one camera per state, found {len(states)} states and "
                 f"{len(cameras)} cameras"
             )
+        for state in states:
+            check_state(self.config, state)
         rotations = np.stack([c.world_from_camera[:3, :3] for c in cameras])
         rotations = torch.from_numpy(rotations).float()[None].to(self.device)
         found = {}

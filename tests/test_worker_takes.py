@@ -9,12 +9,13 @@ import pytest
 import tiny_model
 from plain_worker import LOAD, Worker, boxes, camera, make_shot, render
 
-from pe_runtime.contract.errors import ShotError
+from pe_runtime.contract.errors import ConfigError, ShotError
 from pe_runtime.contract.messages import Message
 from pe_runtime.contract.shot import ObjectTrack, PoseKey, Shot, Start, StyleMix
 from pe_runtime.environment import PlayableEnvironment
 from pe_runtime.images import write_png
 from pe_runtime.shots.clips import start_from_clip
+from pe_runtime.worker import model_world
 from pe_runtime.worker.model_world import ModelWorld
 
 FRAMES = 13
@@ -244,6 +245,17 @@ def test_actions_of_a_real_model_are_inferred_from_states_as_json(model, real):
     found = world.infer_actions([state] * 4, [tiny_model.camera()] * 4)
     assert {name: len(each) for name, each in found.items()} == {"player_1": 3, "player_2": 3}
     assert all(each in (0, 1, 2) for own in found.values() for each in own)
+
+
+def test_states_of_another_model_and_unknown_players_are_refused(model, monkeypatch, tmp_path):
+    world, picture = world_of(model), np.zeros((16, 32, 3), np.uint8)
+    with pytest.raises(ConfigError):
+        world.infer_actions([{"format": 1, "objects": {}}], [tiny_model.camera()])
+    with pytest.raises(ConfigError, match="no playable object 'ground'.*player_1, player_2"):
+        world.detect(picture, ["ground"])
+    monkeypatch.setattr(model_world, "OWN_DETECTOR", tmp_path / "gone.safetensors")
+    with pytest.raises(ConfigError, match="no person detector"):
+        world.detect(picture, ["player_1"])
 
 
 def test_the_frames_of_a_range_predict_once(model, real, monkeypatch):

@@ -128,6 +128,11 @@ class ModelWorld:
             if name not in self._environment.playable_names:
                 known = ", ".join(self._environment.playable_names) or "none"
                 raise ConfigError(f"no playable object {name!r}; this model has {known}")
+        if not OWN_DETECTOR.is_file():
+            raise ConfigError(
+                f"this runtime has no person detector ({OWN_DETECTOR.name} is missing); draw the "
+                "boxes by hand, or install the runtime anew"
+            )
         # Late: few ask for it, and a worker's start need not wait for OpenCV.
         from pe_runtime.evaluation.detector_network import load_detector
         from pe_runtime.evaluation.finding_people import find_players
