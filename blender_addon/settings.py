@@ -78,6 +78,10 @@ def _note_picture(self: "EnvironmentSettings", _context: object) -> None:
     self.framing.note_path(self.image_path)
 
 
+def _note_box(self: "BoxSettings", _context: object) -> None:
+    self.id_data.playable_environment.framing.is_open = True
+
+
 def _file_path(name: str, description: str) -> Any:  # noqa: ANN401 - bpy's deferred property
     # Blender 4.5 warns about file paths that do not say whether "//" is understood.
     understands = {"PATH_SUPPORTS_BLEND_RELATIVE"}
@@ -134,6 +138,7 @@ class BoxSettings(bpy.types.PropertyGroup):
         min=0.0,
         options=set(),
         precision=1,
+        update=_note_box,
     )
     is_shown: BoolProperty(name="Numbers", description="Show the numbers of the box", options=set())
 

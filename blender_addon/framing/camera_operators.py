@@ -18,7 +18,7 @@ from .landmarks import FEWEST, GOOD_RESIDUAL, Place, landmarks
 from .opening import note_match, show_picture_behind
 from .picture_source import find_picture
 from .readiness import edits_of
-from .showing import look_through_in, show_picture
+from .showing import look_through, show_picture
 
 
 class PLAYABLE_OT_show_picture(bpy.types.Operator):
@@ -28,13 +28,21 @@ class PLAYABLE_OT_show_picture(bpy.types.Operator):
     bl_label = "Show Picture"
     bl_options = {"UNDO"}
 
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
+        framing = context.scene.playable_environment.framing
+        if framing.facts is None and framing.camera_mode == "USUAL":
+            # Where the usual camera stands, the model says; it calls back.
+            bpy.ops.playable.load_model("INVOKE_DEFAULT", then="show_picture")
+            return {"CANCELLED"}
+        return self.execute(context)
+
     def execute(self, context: bpy.types.Context) -> set[str]:
         try:
             holder = show_picture(context.scene, edits_of(context))
         except PlayableEnvironmentError as error:
             return failed(self, error)
         if context.area is not None and context.area.type == "VIEW_3D":
-            look_through_in(context.space_data, holder)
+            look_through(context, holder)
         return {"FINISHED"}
 
 

@@ -31,7 +31,9 @@ def draw_camera(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     layout.row().prop(framing, "camera_mode", expand=True)
     if framing.camera_mode == "MATCH":
         _draw_match(layout, scene)
-    elif framing.camera_mode == "SCENE":
+    elif framing.camera_mode == "USUAL":
+        layout.label(text="From where such pictures are usually taken", icon="INFO")
+    else:
         layout.prop(framing, "camera")
         size = shown_size(scene)
         if size is not None and not has_shape(scene.render, size):

@@ -140,8 +140,9 @@ def new_scene_like(scene: bpy.types.Scene) -> bpy.types.Scene:
             setattr(target, name, getattr(source, name))
     for point in old.framing.points:
         twin = new.framing.points.add()
-        twin.name, twin.is_placed, twin.miss = point.name, point.is_placed, point.miss
-        twin.pixel, twin.place = point.pixel, point.place
+        # What is changed by hand counts as placed and not matched yet, so those two come last.
+        twin.name, twin.pixel, twin.place = point.name, point.pixel, point.place
+        twin.is_placed, twin.miss = point.is_placed, point.miss
     return made
 
 

@@ -1,6 +1,7 @@
 """Opening a picture: its model is loaded, its objects are found and get their Empties."""
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import bpy
 from bpy.props import BoolProperty, EnumProperty, StringProperty
@@ -147,7 +148,9 @@ class PLAYABLE_OT_load_model(WorkerOperator, bpy.types.Operator):
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
         result = super().modal(context, event)
         if result == {"FINISHED"} and self.then:
-            getattr(bpy.ops.playable, self.then)("INVOKE_DEFAULT")
+            # A file may have been opened meanwhile; then nobody waits any more.
+            with suppress(RuntimeError):
+                getattr(bpy.ops.playable, self.then)("INVOKE_DEFAULT")
         return result
 
 

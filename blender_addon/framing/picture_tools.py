@@ -17,7 +17,7 @@ from .box_drawing import BoxDrawing
 from .box_limits import inside
 from .point_placing import PointPlacing
 from .readiness import edits_of
-from .showing import look_through_in, picture_in_view, show_picture
+from .showing import look_through, picture_in_view, show_picture
 from .tool_events import CANCELLED, DONE, PASSED_ON, Tool, respond
 
 REACH = 12.0
@@ -51,7 +51,7 @@ class PictureTool:
             return failed(self, ShotError("open a 3D view and press the button in its sidebar"))
         scene = context.scene
         try:
-            look_through_in(context.space_data, show_picture(scene, edits_of(context)))
+            look_through(context, show_picture(scene, edits_of(context)))
         except PlayableEnvironmentError as error:
             return failed(self, error)
         # Names and numbers only: undo and file loading invalidate references.
@@ -132,7 +132,8 @@ class PLAYABLE_OT_draw_boxes(PictureTool, bpy.types.Operator):
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         if not context.scene.playable_environment.boxes:
             # Whose boxes there are, the model says; it calls back.
-            return bpy.ops.playable.load_model("INVOKE_DEFAULT", then="draw_boxes")
+            bpy.ops.playable.load_model("INVOKE_DEFAULT", then="draw_boxes")
+            return {"CANCELLED"}
         return self.begin(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -204,10 +205,9 @@ class PLAYABLE_OT_place_ground_points(PictureTool, bpy.types.Operator):
         if self.index >= len(framing.points):
             return failed(self, ShotError(f"there is no point {self.index}; -1 makes a new one"))
         point = framing.points[self.index] if self.index >= 0 else framing.add_point()
-        point.pixel, point.is_placed, point.miss = self.pixel, True, -1.0
+        point.pixel = self.pixel
         if self.properties.is_property_set("place"):
             point.place = self.place
-        framing.is_open = True
         return {"FINISHED"}
 
     def make_tool(self, scene: bpy.types.Scene, size: tuple[int, int]) -> PointPlacing:
@@ -227,7 +227,7 @@ class PLAYABLE_OT_place_ground_points(PictureTool, bpy.types.Operator):
             if pixel is not None and (
                 not point.is_placed or math.dist(point.pixel, pixel) > STILL_PIXELS
             ):
-                point.pixel, point.miss = pixel, -1.0
+                point.pixel = pixel
             point.is_placed = pixel is not None
         framing.active_point = min(tool.active, max(len(framing.points) - 1, 0))
 
@@ -263,7 +263,7 @@ def _write_boxes(scene: bpy.types.Scene, boxes: dict[str, tuple]) -> None:
 
 
 def _point_as_numbers(point: bpy.types.PropertyGroup) -> tuple:
-    return point.name, tuple(point.pixel), point.is_placed, tuple(point.place), point.miss
+    return point.name, tuple(point.pixel), tuple(point.place), point.is_placed, point.miss
 
 
 def _write_points(framing: bpy.types.PropertyGroup, points: list[tuple | None]) -> None:
@@ -273,7 +273,8 @@ def _write_points(framing: bpy.types.PropertyGroup, points: list[tuple | None]) 
             framing.add_point()
             continue
         point = framing.points.add()
-        point.name, point.pixel, point.is_placed, point.place, point.miss = numbers
+        # What is changed by hand counts as placed and not matched yet, so those two come last.
+        point.name, point.pixel, point.place, point.is_placed, point.miss = numbers
     framing.active_point = min(framing.active_point, max(len(points) - 1, 0))
 
 

@@ -74,8 +74,7 @@ def _about_picture(settings: bpy.types.PropertyGroup, edits: list[bpy.types.Scen
 def _about_camera(scene: bpy.types.Scene) -> str:
     framing, size = scene.playable_environment.framing, shown_size(scene)
     if framing.camera_mode == "MATCH":
-        lacking = FEWEST - len(framing.placed_points())
-        return f"Place {FEWEST} or more points of the ground" if lacking > 0 else ""
+        return _about_points(framing)
     if framing.camera_mode == "USUAL":
         facts = framing.facts
         unknown = facts is not None and facts.usual_camera is None
@@ -84,6 +83,18 @@ def _about_camera(scene: bpy.types.Scene) -> str:
         return "Choose a camera of the scene"
     if size is not None and not has_shape(scene.render, size):
         return "The scene's frame has another shape than the picture: use the picture's size"
+    return ""
+
+
+def _about_points(framing: bpy.types.PropertyGroup) -> str:
+    placed = [each for each in framing.points if each.is_placed]
+    if len(placed) < FEWEST:
+        return f"Place {FEWEST} or more points of the ground"
+    taken = {}
+    for each in placed:
+        other = taken.setdefault(tuple(each.place), each)
+        if other != each:
+            return f"Say where {each.name} lies on the ground; {other.name} lies there already"
     return ""
 
 

@@ -50,6 +50,20 @@ def _model_items() -> tuple[tuple[str, str, str, int], ...]:
     return tuple((*choice, number) for number, choice in enumerate(choices))
 
 
+def _open(self: bpy.types.PropertyGroup, _context: object) -> None:
+    self.id_data.playable_environment.framing.is_open = True
+
+
+def _move(self: "GroundPoint", context: object) -> None:
+    self.miss = -1.0
+    _open(self, context)
+
+
+def _set_pixel(self: "GroundPoint", context: object) -> None:
+    self.is_placed = True
+    _move(self, context)
+
+
 class GroundPoint(bpy.types.PropertyGroup):
     """A point of the ground that is seen in the picture."""
 
@@ -59,6 +73,7 @@ class GroundPoint(bpy.types.PropertyGroup):
         size=2,
         precision=1,
         options=set(),
+        update=_set_pixel,
     )
     is_placed: BoolProperty(
         name="Placed", description="Whether it has a place in the picture", options=set()
@@ -69,6 +84,7 @@ class GroundPoint(bpy.types.PropertyGroup):
         size=2,
         precision=3,
         options=set(),
+        update=_move,
     )
     miss: FloatProperty(
         name="Residual",
@@ -109,7 +125,11 @@ class FramingSettings(bpy.types.PropertyGroup):
         name="Backdrop", description="The picture behind the camera", type=bpy.types.Image
     )
     camera_mode: EnumProperty(
-        name="Camera", description="Which camera saw the picture", items=CAMERAS, options=set()
+        name="Camera",
+        description="Which camera saw the picture",
+        items=CAMERAS,
+        options=set(),
+        update=_open,
     )
     camera: PointerProperty(
         name="Camera",
@@ -175,6 +195,8 @@ class FramingSettings(bpy.types.PropertyGroup):
         with suppress(RuntimeError):
             if path and Path(full).is_file():
                 self.backdrop = bpy.data.images.load(full, check_existing=True)
+                if not bpy.app.background:
+                    self.backdrop.preview_ensure()
         if before is None or before == self.backdrop:
             return
         for holder in {self.own_camera, self.camera, self.id_data.camera} - {None}:

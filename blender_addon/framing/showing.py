@@ -12,13 +12,15 @@ from pe_runtime.contract.errors import ShotError
 from .cameras import Size, has_shape, hold_camera, known_camera, own_camera
 from .opening import show_picture_behind
 from .picture_source import find_picture
-from .view_mapping import PictureFrame, frame_in_view
+from .view_mapping import PictureFrame, fitted_between, frame_in_view
 
 PLACEHOLDER_EYE = (0.0, -10.0, 3.0)
 PLACEHOLDER_PITCH = 0.2
 """Radians below the horizon of the camera through which a picture without one is seen."""
 PLACEHOLDER_FOCAL = 1.1
 """Share of the picture's width."""
+SIDES = ("UI", "TOOLS")
+"""Regions that lie over a 3D view."""
 RENDER_SIZE = ("resolution_x", "resolution_y", "resolution_percentage")
 
 
@@ -45,12 +47,29 @@ def show_picture(scene: bpy.types.Scene, edits: Iterable[bpy.types.Scene]) -> bp
     return holder
 
 
-def look_through_in(space: bpy.types.SpaceView3D, holder: bpy.types.Object) -> None:
-    """Let a 3D view look through a camera, even where the scene films with another one."""
-    scene = holder.users_scene[0] if holder.users_scene else None
-    space.use_local_camera = scene is None or scene.camera != holder
+def look_through(context: bpy.types.Context, holder: bpy.types.Object) -> None:
+    """Let the 3D view that an operator was called in look through a camera, as large as it fits.
+
+    Args:
+        context: Of a 3D view; a sidebar of it will do.
+        holder: Even where the scene films with another camera.
+    """
+    space, area = context.space_data, context.area
+    space.use_local_camera = context.scene.camera != holder
     space.camera = holder
     space.region_3d.view_perspective = "CAMERA"
+    region = next(each for each in area.regions if each.type == "WINDOW")
+    with context.temp_override(area=area, region=region):
+        bpy.ops.view3d.view_center_camera()
+    sides = [each for each in area.regions if each.type in SIDES and each.width > 1]
+    left = sum(each.width for each in sides if each.x <= region.x)
+    right = sum(each.width for each in sides if each.x > region.x)
+    if context.preferences.system.use_region_overlap:
+        view = space.region_3d
+        zoom, view.view_camera_offset[0] = fitted_between(
+            view.view_camera_zoom, region.width, left, right
+        )
+        view.view_camera_zoom = zoom
 
 
 def picture_in_view(

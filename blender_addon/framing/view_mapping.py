@@ -4,6 +4,7 @@ Region pixels count from the lower left corner of the view, picture pixels from 
 corner of the picture.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,3 +77,22 @@ def frame_in_view(
     if not min(right - left, top - bottom) >= NARROWEST:
         return None
     return PictureFrame(float(left), float(bottom), float(right), float(top), *picture_size)
+
+
+def fitted_between(zoom: float, width: int, left: int, right: int) -> tuple[float, float]:
+    """Zoom and sideways offset of a camera's view, so that sidebars hide nothing of its frame.
+
+    Args:
+        zoom: The view's `view_camera_zoom` with which the frame fits into all of its width.
+        width: Of the view, region pixels.
+        left: Region pixels that are hidden on the left.
+        right: Region pixels that are hidden on the right.
+
+    Returns:
+        `view_camera_zoom` and the first number of `view_camera_offset`.
+    """
+    # Blender's own scale of the camera's view: 1/2 at no zoom.
+    scale = (math.sqrt(2) + zoom / 50) ** 2 / 4
+    scale *= max(width - left - right, width / 4) / width
+    offset = (right - left) / 2 / (2 * width * scale)
+    return 50 * (2 * math.sqrt(scale) - math.sqrt(2)), offset

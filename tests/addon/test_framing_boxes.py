@@ -135,6 +135,8 @@ def test_an_encoded_picture_is_no_longer_framed_until_somebody_works_on_it(envir
     assert set(framed_picture(environment).boxes) == set(BOXES)
     bpy.ops.playable.new_environment()
     assert framed_picture(environment) is None
+    environment.playable_environment.boxes["player_1"].box = (9, 10, 20, 30)
+    assert framed_picture(environment).boxes["player_1"] == (9, 10, 20, 30)
 
 
 def test_asking_for_the_framed_picture_never_starts_a_worker(scene, settings, addon):
@@ -171,6 +173,12 @@ def test_the_panel_says_step_by_step_what_is_missing(scene, picture):
     framing.picture_source, settings.image_path = "FILE", str(picture)
     framing.camera_mode = "MATCH"
     assert lacks(scene)[2] == "Place 4 or more points of the ground"
+    for pixel in ((3, 4), (9, 4), (9, 20), (3, 20)):
+        bpy.ops.playable.place_ground_points(pixel=pixel)
+    assert lacks(scene)[2].startswith("Say where Point 2 lies on the ground")
+    for number, point in enumerate(framing.points):
+        point.place = (number, number * number)
+    assert 2 not in lacks(scene)
     framing.camera_mode = "SCENE"
     scene.render.resolution_x = 200
     assert "another shape" in lacks(scene)[2]

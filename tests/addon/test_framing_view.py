@@ -6,7 +6,7 @@ import pytest
 from blender_addon.framing.box_drawing import BoxDrawing
 from blender_addon.framing.point_placing import PointPlacing
 from blender_addon.framing.tool_events import CANCELLED, DONE, PASSED_ON, RUNNING, respond
-from blender_addon.framing.view_mapping import PictureFrame, frame_in_view
+from blender_addon.framing.view_mapping import PictureFrame, fitted_between, frame_in_view
 
 SIZE = (64, 36)
 NAMES = ["player_1", "player_2"]
@@ -164,3 +164,17 @@ def test_tab_goes_through_the_points_and_one_beyond():
         seen.append(tool.active)
         send(tool, key("TAB"))
     assert [*seen, tool.active] == [0, 1, 2, 0]
+
+
+def test_a_view_without_sidebars_fits_as_it_is():
+    assert fitted_between(12.5, 1000, 0, 0) == pytest.approx((12.5, 0.0))
+
+
+def test_a_view_between_sidebars_is_as_wide_as_what_is_left_of_it():
+    def scale(zoom):
+        return (2**0.5 + zoom / 50) ** 2 / 4
+
+    zoom, offset = fitted_between(12.5, 1000, 60, 440)
+    assert scale(zoom) / scale(12.5) == pytest.approx(0.5)
+    # Blender moves a camera's view by twice the offset, in widths of the view and its scale.
+    assert 2 * offset * scale(zoom) * 1000 == pytest.approx((440 - 60) / 2)
