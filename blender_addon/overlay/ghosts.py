@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from .foreseen_paths import Foresight, Path, colour_of, heading_at, position_at
-from .scene_lines import Colour, SceneLines, faded, joined, strokes
-from .volume_lines import heading_arrow, volume_edges
+from .scene_lines import Colour, SceneLines, faded, joined, label, strokes
+from .volume_lines import head_of, heading_arrow, volume_edges
 
-NEAREST, FARTHEST = 0.8, 0.25
+NEAREST, FARTHEST = 0.7, 0.25
 """Opacity of the ghost next to now and of the last one."""
 PAST = 0.6
 """How much dimmer those before now are."""
-APART, TURNED = 0.12, math.radians(12)
+APART, TURNED = 0.2, math.radians(12)
 """Share of an object's width, and angle, between ghosts: closer ones would only blur."""
 USUAL_LENGTH = 0.6
 """Metres of the arrow of an object whose volume is unknown."""
@@ -30,9 +30,9 @@ class Skins:
         every: Steps of the model from one to the next.
     """
 
-    before: int = 2
-    after: int = 4
-    every: int = 1
+    before: int = 1
+    after: int = 3
+    every: int = 2
 
 
 def ghost_frames(seen: Foresight, skins: Skins) -> list[tuple[float, float]]:
@@ -54,6 +54,16 @@ def ghost_frames(seen: Foresight, skins: Skins) -> list[tuple[float, float]]:
         pairs = zip(frames, opacities, strict=False)
         found += [(f, float(o)) for f, o in pairs if seen.frame_start <= f <= last + 1e-6]
     return sorted(found)
+
+
+def present_lines(seen: Foresight) -> SceneLines:
+    """The volume of every object where it is now, with its name."""
+    return joined(
+        strokes(_box(seen, each, seen.now), colour_of(i), 1.5)
+        + label(head_of(each.volume, position_at(seen, each, seen.now)), each.name, colour_of(i), 4)
+        for i, each in enumerate(seen.paths)
+        if each.volume is not None and len(each.positions)
+    )
 
 
 def ghost_lines(seen: Foresight, skins: Skins) -> SceneLines:
@@ -79,14 +89,14 @@ def _ghosts(
     seen: Foresight, path: Path, colour: Colour, frames: list[tuple[float, float]]
 ) -> SceneLines:
     return joined(
-        strokes(
-            volume_edges(
-                path.volume, position_at(seen, path, frame), heading_at(seen, path, frame)
-            ),
-            faded(colour, opacity),
-        )
+        strokes(_box(seen, path, frame), faded(colour, opacity))
         for frame, opacity in _told_apart(seen, path, frames)
     )
+
+
+def _box(seen: Foresight, path: Path, frame: float) -> np.ndarray:
+    place, turn = position_at(seen, path, frame), heading_at(seen, path, frame)
+    return volume_edges(path.volume, place, turn)
 
 
 def _told_apart(

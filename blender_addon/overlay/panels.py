@@ -6,7 +6,7 @@ from ..panel import PlayablePanel
 from . import viewport
 
 BEFORE_ENCODING = ("grid", "boxes", "volumes", "points")
-AFTER_ENCODING = ("paths", "steps", "actions", "headings")
+AFTER_ENCODING = ("players", "paths", "steps", "actions", "headings")
 
 
 class PLAYABLE_PT_overlay(PlayablePanel, bpy.types.Panel):

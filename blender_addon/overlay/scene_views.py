@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 import bpy
+import numpy as np
 
 from pe_runtime.contract.shot import Shot
 
@@ -13,10 +14,11 @@ from ..scene_bridge import action_names, playable_objects, world_from_environmen
 from ..volumes import volumes_in
 from .foreseen_paths import Foresight, Path
 from .framed_view import view_of
+from .keyed_ways import keyed_way, keys_of
 from .picture_marks import PictureView
 
 _views: dict[str, tuple[tuple, PictureView]] = {}
-_foresights: dict[str, tuple[object, Foresight]] = {}
+_foresights: dict[str, tuple[tuple, Foresight]] = {}
 
 
 def picture_view_of(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> PictureView | None:
@@ -53,25 +55,37 @@ def foresight_of(scene: bpy.types.Scene) -> Foresight | None:
 
 
 def _foresight(scene: bpy.types.Scene, bake: Bake) -> Foresight:
+    objects = playable_objects(scene)
+    keys = tuple(keys_of(each) for each in objects.values())
     source, found = _foresights.get(scene.name, (None, None))
-    if source is bake and found.now == scene.frame_current:
+    # Compared by identity: two bakes are as large as they are seldom equal.
+    if found is not None and source[0] is bake and source[1:] == (keys, scene.frame_current):
         return found
-    objects, volumes = playable_objects(scene), volumes_in(scene)
-    shot = bake.shot
+    volumes, shot = volumes_in(scene), bake.shot
     paths = tuple(
         Path(
             name,
-            path,
+            _way(objects.get(name), scene, shot, predicted),
             bake.headings.get(name),
             _named_keys(shot, name, action_names(objects[name]) if name in objects else ()),
             volumes.get(name),
         )
-        for name, path in bake.paths.items()
+        for name, predicted in bake.paths.items()
     )
     per_step = shot.fps / scene.playable_environment.steps_per_second
     made = Foresight(paths, shot.frame_start, scene.frame_current, per_step)
-    _foresights[scene.name] = bake, made
+    _foresights[scene.name] = (bake, keys, scene.frame_current), made
     return made
+
+
+def _way(
+    each: bpy.types.Object | None, scene: bpy.types.Scene, shot: Shot, predicted: np.ndarray
+) -> np.ndarray:
+    """The way that renders show: by its keys where they tell, as predicted elsewhere."""
+    if each is None:
+        return predicted
+    keyed = keyed_way(each, scene.playable_environment.root, shot.frames)
+    return predicted if keyed is None else keyed
 
 
 def _named_keys(shot: Shot, name: str, names: Sequence[str]) -> list[tuple[int, str]]:

@@ -21,11 +21,12 @@ class OverlaySettings(bpy.types.PropertyGroup):
     steps: _switch("Steps", "A dot at every step of the model")
     actions: _switch("Actions", "The names of actions where they begin")
     headings: _switch("Headings", "Where players who turn are looking")
+    players: _switch("Players", "The volume of every player in its colour, with its name")
     ghosts: _switch("Ghosts", "The players' volumes at steps before and after the current frame")
     ghosts_before: IntProperty(
         name="Before",
         description="Ghosts behind each player",
-        default=2,
+        default=1,
         min=0,
         max=24,
         options=set(),
@@ -33,7 +34,7 @@ class OverlaySettings(bpy.types.PropertyGroup):
     ghosts_after: IntProperty(
         name="After",
         description="Ghosts ahead of each player",
-        default=4,
+        default=3,
         min=0,
         max=24,
         options=set(),
@@ -41,7 +42,7 @@ class OverlaySettings(bpy.types.PropertyGroup):
     ghost_steps: IntProperty(
         name="Every",
         description="Steps of the model from one ghost to the next",
-        default=1,
+        default=2,
         min=1,
         soft_max=20,
         options=set(),

@@ -15,7 +15,7 @@ from pe_runtime.contract.errors import PlayableEnvironmentError
 from ..scene_bridge import world_from_environment
 from . import drawing
 from .foreseen_paths import action_labels, path_lines, step_marks
-from .ghosts import Skins, ghost_lines, heading_arrows
+from .ghosts import Skins, ghost_lines, heading_arrows, present_lines
 from .picture_marks import box_lines, ground_lines, mark_lines, standing_lines
 from .scene_lines import SceneLines, joined
 from .scene_views import foresight_of, picture_view_of
@@ -27,6 +27,7 @@ PICTURE_PARTS = {
     "points": mark_lines,
 }
 PLAYING_PARTS = {
+    "players": present_lines,
     "paths": path_lines,
     "steps": step_marks,
     "actions": action_labels,

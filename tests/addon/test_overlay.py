@@ -125,7 +125,7 @@ def test_ghosts_are_boxes_of_the_models_volumes(played):
 
     overlay = played.playable_environment.overlay
     only(played, "ghosts")
-    overlay.ghosts_before, overlay.ghosts_after = 0, 1
+    overlay.ghosts_before, overlay.ghosts_after, overlay.ghost_steps = 0, 1, 1
     lines = lines_of(played)
     # Player 2 stands idle: it would be its own ghost.
     assert [len(each.ends) for each in lines.strokes] == [12]
@@ -134,9 +134,27 @@ def test_ghosts_are_boxes_of_the_models_volumes(played):
     assert np.allclose(size, np.subtract(volume.high, volume.low), atol=1e-6)
 
 
-@pytest.mark.parametrize("name", ["paths", "steps", "actions", "ghosts"])
+def test_a_player_that_the_artist_moves_off_its_path_is_shown_where_its_keys_put_it(played):
+    only(played, "paths")
+    before = lines_of(played).strokes[0].ends.copy()
+    player = bpy.data.objects["player_1"]
+    played.frame_set(3)
+    player.location.y += 2.0
+    player.keyframe_insert("location", frame=3)
+    after = lines_of(played).strokes[0].ends
+    moved = np.abs(after - before).max(axis=2)
+    assert moved[1, 1] == pytest.approx(2.0, abs=1e-5) and moved[0, 0] == 0.0
+
+
+def test_once_encoded_nothing_hides_the_preview(environment):
+    shown = environment.camera.data.background_images
+    assert len(shown) == 1 and not shown[0].show_background_image
+
+
+@pytest.mark.parametrize("name", ["players", "paths", "steps", "actions", "ghosts"])
 def test_every_switch_takes_its_lines_away(played, name):
     only(played, name)
+    played.playable_environment.overlay.ghost_steps = 1
     on = lines_of(played)
     assert on.segments or on.dots or on.labels
     only(played)

@@ -18,7 +18,13 @@ from blender_addon.overlay.foreseen_paths import (
     step_frames,
     step_marks,
 )
-from blender_addon.overlay.ghosts import Skins, ghost_frames, ghost_lines, heading_arrows
+from blender_addon.overlay.ghosts import (
+    Skins,
+    ghost_frames,
+    ghost_lines,
+    heading_arrows,
+    present_lines,
+)
 from blender_addon.overlay.placed_labels import Words, inside, readable
 from pe_runtime.contract.model_facts import Volume
 
@@ -73,15 +79,22 @@ def test_of_two_actions_at_one_spot_the_later_one_is_named():
     assert sum(len(each.points) for each in lines.dots) == 2
 
 
+def test_an_object_stands_in_its_volume_with_its_name_over_it():
+    lines = present_lines(walking(now=3))
+    assert np.allclose(lines.strokes[0].ends.mean(axis=(0, 1)), [2.0, 0.0, 1.0])
+    (name,) = lines.labels
+    assert name.text == "player_1" and name.anchor == (2.0, 0.0, 2.0)
+
+
 def test_ghosts_stand_at_the_steps_around_now():
-    frames = ghost_frames(walking(frames=21, now=9), Skins(before=2, after=3))
+    frames = ghost_frames(walking(frames=21, now=9), Skins(before=2, after=3, every=1))
     assert [frame for frame, _ in frames] == [5.0, 7.0, 11.0, 13.0, 15.0]
     opacities = dict(frames)
     assert opacities[7.0] > opacities[5.0] and opacities[11.0] > opacities[13.0] > opacities[15.0]
 
 
 def test_between_two_steps_both_of_them_are_ghosts():
-    frames = [frame for frame, _ in ghost_frames(walking(now=4), Skins(before=1, after=1))]
+    frames = [frame for frame, _ in ghost_frames(walking(now=4), Skins(before=1, after=1, every=1))]
     assert frames == [3.0, 5.0]
 
 
@@ -91,14 +104,14 @@ def test_every_second_step_makes_ghosts_twice_as_far_apart():
 
 
 def test_ghosts_end_with_the_shot():
-    frames = [frame for frame, _ in ghost_frames(walking(now=7), Skins(before=9, after=9))]
+    frames = [frame for frame, _ in ghost_frames(walking(now=7), Skins(before=9, after=9, every=1))]
     assert frames == [1.0, 3.0, 5.0, 9.0]
 
 
 def test_a_ghost_is_the_volume_at_its_step_turned_as_the_object_will_be():
     turning = np.linspace(0.0, math.pi, 9)
     seen = walking(now=3, headings=turning, volume=Volume((0.0, 0.0, 0.0), (2.0, 1.0, 1.0)))
-    lines = ghost_lines(seen, Skins(before=0, after=1))
+    lines = ghost_lines(seen, Skins(before=0, after=1, every=1))
     # At frame 5 it stands at x = 4 and has turned by a quarter.
     ends = lines.strokes[0].ends
     assert np.allclose(ends.min(axis=(0, 1)), [3.0, 0.0, 0.0])
@@ -106,19 +119,19 @@ def test_a_ghost_is_the_volume_at_its_step_turned_as_the_object_will_be():
 
 
 def test_an_object_that_stands_still_has_no_ghosts_and_one_that_turns_on_its_spot_has():
-    still, skins = np.zeros((9, 3)), Skins(before=2, after=2)
+    still, skins = np.zeros((9, 3)), Skins(before=2, after=2, every=1)
     assert ghost_lines(walking(positions=still), skins).segments == 0
     turning = walking(positions=still, headings=np.linspace(0.0, math.pi, 9))
     assert ghost_lines(turning, skins).segments == 4 * 12
 
 
 def test_ghosts_of_a_slow_object_are_as_far_apart_as_they_can_be_told_apart():
-    # One ghost a frame, 2.5 cm each, boxes 1 m wide: every fifth one is more than 12 cm on.
-    positions = np.stack([np.arange(40) * 0.025, np.zeros(40), np.zeros(40)], axis=1)
+    # One ghost a frame, 4.5 cm each, boxes 1 m wide: every fifth one is more than 20 cm on.
+    positions = np.stack([np.arange(40) * 0.045, np.zeros(40), np.zeros(40)], axis=1)
     seen = walking(positions=positions, now=1, per_step=1.0)
-    lines = ghost_lines(seen, Skins(before=0, after=24))
+    lines = ghost_lines(seen, Skins(before=0, after=24, every=1))
     middles = sorted(each.ends[..., 0].mean() for each in lines.strokes)
-    assert np.allclose(middles, [0.125, 0.25, 0.375, 0.5])
+    assert np.allclose(middles, [0.225, 0.45, 0.675, 0.9])
 
 
 def test_objects_that_do_not_turn_have_no_arrow_and_unknown_volumes_no_ghosts():

@@ -23,6 +23,8 @@ command -v Xvfb >/dev/null || missing \
 
 mkdir -p "$out"
 out=$(cd "$out" && pwd)
+# What an earlier walk has left, and nothing else.
+rm -rf "$out/frames" "$out"/walkthrough.blend* "$out"/playable_environments-*.zip
 home=$(mktemp -d) screen=
 trap 'kill "$screen" 2>/dev/null; rm -rf "$home"' EXIT
 trap 'exit 2' INT TERM

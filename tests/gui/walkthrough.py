@@ -21,6 +21,7 @@ from window import PAUSE, Window, check, say, tell  # noqa: E402
 
 OUT = Path(os.environ["GUI_PICTURES"])
 ADDON = "bl_ext.user_default.playable_environments"
+DIGITS = ("ONE", "TWO", "THREE", "FOUR", "FIVE", "SIX", "SEVEN", "EIGHT", "NINE")
 LOOK = 3.0
 """Seconds after which what was asked of the worker is shown."""
 LAST_FRAME, FPS = 36, 12
@@ -104,17 +105,22 @@ def encode(window: Window) -> Iterator:
 
 
 def play(window: Window) -> Iterator:
-    """Actions are keyed by their buttons; paths and ghosts show where they lead."""
+    """Actions are keyed, by number keys and by buttons; paths and ghosts show where they lead."""
     for name, keys in ACTIONS.items():
         choose(players()[name])
         for frame, action in keys:
             bpy.context.scene.frame_set(frame)
-            key_action(window, action)
-            yield 0.1
+            number = action_number(action)
+            if name == "player_1":
+                window.key(DIGITS[number], window.middle_of("VIEW_3D"))
+            else:
+                yield from press(window, "do_action", action=number)
+            yield PAUSE
+            done = int(bpy.context.object.playable.action.removeprefix("A"))
+            check(done == number, f"{name} does {done}, not {number}, at frame {frame}")
     bpy.context.scene.frame_set(13)
-    yield from press(window, "bake_paths")
-    yield lambda: bpy.context.scene.playable_environment.bake_text is not None
-    yield LOOK
+    yield paths_are_live
+    yield PAUSE
     window.picture("paths_and_ghosts")
     with window.area_of("VIEW_3D") as area:
         view = area.spaces.active.region_3d
@@ -135,8 +141,9 @@ def film(window: Window) -> Iterator:
     camera.keyframe_insert("location", frame=LAST_FRAME)
     bpy.context.scene.frame_set(24)
     look_through_camera(window)
-    yield from press(window, "bake_paths")
     yield LOOK
+    yield paths_are_live
+    yield PAUSE
     window.picture("camera_move")
 
 
@@ -146,6 +153,14 @@ def preview(window: Window) -> Iterator:
         area.spaces.active.shading.type = "RENDERED"
     yield LOOK * 2
     window.picture("rendered_preview")
+    with window.area_of("VIEW_3D") as area:
+        area.spaces.active.overlay.show_overlays = False
+    bpy.context.scene.frame_set(31)
+    yield LOOK
+    window.picture("preview_of_another_frame")
+    bpy.context.scene.frame_set(24)
+    with window.area_of("VIEW_3D") as area:
+        area.spaces.active.overlay.show_overlays = True
     with window.area_of("VIEW_3D") as area:
         area.spaces.active.shading.type = "SOLID"
     yield PAUSE
@@ -159,10 +174,14 @@ def render_a_still(window: Window) -> Iterator:
     with window.area_of("VIEW_3D"):
         bpy.ops.render.render("INVOKE_DEFAULT")
     yield lambda: bool(finished)
-    yield LOOK
+    yield PAUSE
+    with window.area_of("IMAGE_EDITOR"):
+        bpy.ops.image.view_all(fit_view=True)
+    yield PAUSE
     window.picture("f12")
     with window.area_of("IMAGE_EDITOR"):
-        bpy.ops.render.view_cancel()
+        bpy.ops.screen.back_to_previous()
+    bpy.context.preferences.view.render_display_type = "NONE"
     yield PAUSE
 
 
@@ -183,14 +202,15 @@ def render_to_sequencer(window: Window) -> Iterator:
     if hasattr(bpy.context.workspace, "sequencer_scene"):
         bpy.context.workspace.sequencer_scene = edit
     edit.frame_set(24)
+    edit.sequence_editor.active_strip = strips(edit)[0]
     yield PAUSE
+    yield from window.show_tab("Strip", "SEQUENCE_EDITOR")
     with window.area_of("SEQUENCE_EDITOR"):
         bpy.ops.sequencer.view_all()
-    edit.sequence_editor.active_strip = strips(edit)[0]
-    yield from window.show_tab("Playable", "SEQUENCE_EDITOR")
+    yield LOOK
     window.picture("video_editing")
     check(len(strips(edit)) == 1, f"there are {len(strips(edit))} strips")
-    check(strips(edit)[0].frame_final_duration == LAST_FRAME, "the strip has another length")
+    check(len(strips(edit)[0].elements) == LAST_FRAME, "the strip has another length")
 
 
 def addon_module(name: str) -> object:
@@ -209,12 +229,19 @@ def press(window: Window, name: str, **options: object) -> Iterator:
     yield PAUSE
 
 
-def key_action(window: Window, action: str) -> None:
-    """Press the button of an action for the active player."""
+def action_number(action: str) -> int:
+    """The number of an action of the active player."""
     names = json.loads(bpy.context.object.playable.action_names)
     check(action in names, f"the model's actions are {names}")
-    with window.area_of("VIEW_3D"):
-        bpy.ops.playable.insert_action_key(action=f"A{names.index(action)}")
+    return names.index(action)
+
+
+def paths_are_live() -> bool:
+    """Whether the paths are those of the keys, and nothing is under way."""
+    scene = bpy.context.scene
+    note = addon_module("playing.watching").live.note(scene)
+    check(note in ("", "Updating the paths"), f"the paths do not follow: {note}")
+    return not note and scene.playable_environment.bake_text is not None
 
 
 def players() -> dict[str, bpy.types.Object]:

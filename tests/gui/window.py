@@ -16,7 +16,7 @@ from pathlib import Path
 
 import bpy
 
-PAUSE, TICK, PATIENCE = 0.8, 0.1, 120.0
+PAUSE, TICK, PATIENCE = 0.8, 0.1, 60.0
 """Seconds: until the window has drawn itself, between looks, and until a wait has failed."""
 MOST_TABS = 20
 Story = Iterator["float | Callable[[], bool]"]
@@ -52,7 +52,9 @@ class Window:
         """Act as if the mouse were in the first area of one of these kinds."""
         for window in bpy.context.window_manager.windows:
             for area in window.screen.areas:
-                if area.type in kinds:
+                # The preview of a sequencer has no timeline to act in.
+                sees_timeline = getattr(area.spaces.active, "view_type", "SEQUENCER") != "PREVIEW"
+                if area.type in kinds and sees_timeline:
                     inside = next(each for each in area.regions if each.type == region)
                     with bpy.context.temp_override(window=window, area=area, region=inside):
                         yield area
@@ -75,6 +77,12 @@ class Window:
             self.key("TAB", pointer, ctrl=True)
             yield PAUSE
         raise StoryError(f"the sidebar has no tab {tab!r}")
+
+    def middle_of(self, kind: str) -> tuple[int, int]:
+        """The pixel in the middle of the first area of a kind."""
+        with self.area_of(kind):
+            inside = bpy.context.region
+            return inside.x + inside.width // 2, inside.y + inside.height // 2
 
     def key(self, key: str, pointer: tuple[int, int], **modifiers: bool) -> None:
         """Press and release a key or button while the pointer is at a pixel of the window."""
