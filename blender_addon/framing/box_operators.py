@@ -49,7 +49,8 @@ class PLAYABLE_OT_detect_boxes(WorkerOperator, bpy.types.Operator):
             settings = bpy.data.scenes[name].playable_environment
             settings.note_facts(facts)
             boxes, notes = all_inside(detected.boxes, found.size)
-            settings.set_boxes(facts.playable_names, boxes)
+            # Whoever was not found keeps the box that was drawn.
+            settings.set_boxes(facts.playable_names, settings.typed_boxes() | boxes)
             settings.framing.is_open = True
             return "; ".join((_what_was_found(facts.playable_names, detected), *notes))
 

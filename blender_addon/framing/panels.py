@@ -5,6 +5,8 @@ from collections.abc import Sequence
 
 import bpy
 
+from pe_runtime.contract.errors import PlayableEnvironmentError
+
 from ..panel import PlayablePanel
 from .camera_panel import draw_camera
 from .framed import FramedPicture, framed_picture
@@ -95,7 +97,7 @@ def _draw_facts(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, w
 def _draw_strip(layout: bpy.types.UILayout, edits: Sequence[bpy.types.Scene]) -> None:
     try:
         shown = frame_under_playhead(edits)
-    except ValueError:
+    except PlayableEnvironmentError:
         return
     layout.label(text=f"{shown.strip.name}, frame {shown.frame}", icon="SEQUENCE")
 

@@ -130,7 +130,8 @@ class PLAYABLE_OT_draw_boxes(PictureTool, bpy.types.Operator):
         return allowed(cls, context.mode == "OBJECT", "Leave edit or pose mode first")
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
-        if not context.scene.playable_environment.boxes:
+        settings = context.scene.playable_environment
+        if settings.framing.facts is None or not settings.boxes:
             # Whose boxes there are, the model says; it calls back.
             bpy.ops.playable.load_model("INVOKE_DEFAULT", then="draw_boxes")
             return {"CANCELLED"}

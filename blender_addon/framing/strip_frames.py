@@ -131,16 +131,21 @@ def _movie_frame(wanted: StripFrame) -> np.ndarray:
 def _frame_of_movie(wanted: StripFrame, movie_frames: int) -> int | None:
     """The movie's frame, from 0, that a strip shows; None where it is stretched in time."""
     strip = wanted.strip
-    properties = strip.bl_rna.properties
-    renamed = "content_start" in properties
-    start = strip.content_start if renamed else strip.frame_start
-    length = int(strip.content_duration if renamed else strip.frame_duration)
-    trimmed = strip.animation_offset_start + strip.animation_offset_end
-    if length + trimmed != movie_frames or len(getattr(strip, "retiming_keys", ())):
+    start, length, before, after = (getattr(strip, name) for name in _timing_names(strip))
+    length = int(length)
+    if length + before + after != movie_frames or len(getattr(strip, "retiming_keys", ())):
         return None
     index = min(max(wanted.frame - int(start), 0), length - 1)
     index = length - 1 - index if strip.use_reverse_frames else index
-    return index - int(index % max(strip.strobe, 1)) + strip.animation_offset_start
+    return index - int(index % max(strip.strobe, 1)) + before
+
+
+def _timing_names(strip: bpy.types.ID) -> tuple[str, str, str, str]:
+    """What a movie strip calls the start and length of its content, and what is cut off it."""
+    # Blender 5.2 renames them and warns about the old names.
+    if "content_trim_start" in strip.bl_rna.properties:
+        return "content_start", "content_duration", "content_trim_start", "content_trim_end"
+    return "frame_start", "frame_duration", "animation_offset_start", "animation_offset_end"
 
 
 def _turn_to(movie: bpy.types.Image, index: int) -> None:

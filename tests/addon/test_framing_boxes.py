@@ -36,6 +36,17 @@ def test_boxes_are_detected(settings, capfd):
     assert "found player_1 (" in capfd.readouterr().out
 
 
+def test_a_box_that_was_drawn_stays_where_nobody_is_found(settings, monkeypatch):
+    from blender_addon import questions
+    from blender_addon.replies import DetectedBoxes
+
+    settings.boxes["player_2"].box = BOXES["player_2"]
+    found = DetectedBoxes({"player_1": (1.0, 2.0, 70.0, 20.0)}, {"player_1": 0.5})
+    monkeypatch.setattr(questions, "detect", lambda *_: found)
+    bpy.ops.playable.detect_boxes()
+    assert settings.typed_boxes() == {"player_1": (1, 2, 64, 20), "player_2": BOXES["player_2"]}
+
+
 def test_without_a_detector_the_button_says_so(settings):
     fields = json.loads(settings.framing.facts_text) | {"detects": False}
     settings.framing.facts_text = json.dumps(fields)

@@ -115,8 +115,11 @@ def test_trimmed_strips_show_what_is_left(cut, files, make):
 
 
 def test_a_movie_whose_beginning_is_cut_off_starts_later(cut, files):
-    movie(cut, files).animation_offset_start = 2
-    assert [shown(cut, START + index) for index in range(2)] == [[2], [3]]
+    strip = movie(cut, files)
+    renamed = "content_trim_start" in strip.bl_rna.properties
+    setattr(strip, "content_trim_start" if renamed else "animation_offset_start", 2)
+    first, _ = strip_frames.handles(strip)
+    assert [shown(cut, first + index) for index in range(2)] == [[2], [3]]
 
 
 def test_a_movie_that_is_stretched_in_time_is_rendered_by_blender_itself(cut, files, monkeypatch):
