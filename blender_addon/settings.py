@@ -98,7 +98,10 @@ class PlayableSettings(bpy.types.PropertyGroup):
     """On an object: which playable object it stands for and what that object does."""
 
     is_playable: BoolProperty(
-        name="Playable", description="This Empty stands for a playable object", default=False
+        name="Playable",
+        description="This Empty stands for a playable object",
+        default=False,
+        options=set(),
     )
     object_name: StringProperty(
         name="Object", description="The playable object's name in the model"

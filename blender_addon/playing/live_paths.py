@@ -29,7 +29,8 @@ from .stepping import step_actions
 QUIET_SECONDS = 0.3
 AGAIN_SECONDS = 1.0
 """How long after it had to make way a prediction is tried again."""
-SLICE_SECONDS = 0.015
+SLICE_SECONDS, LONGEST_SLICE, SHARE = 0.015, 0.25, 0.25
+"""Seconds of sampling in a tick; where Blender takes long between ticks, a share of that time."""
 REMEMBERED = 4
 BUSY, WAITING, IDLE = 0.02, 0.1, 0.4
 """Seconds until the next tick."""
@@ -92,7 +93,7 @@ class LivePaths:
         self._failures: dict[str, tuple[Signature, str]] = {}
         self._ranges: dict[str, tuple] = {}
         self._quiet_from: float | None = None
-        self._touched = False
+        self._touched, self._ticked_at, self._slice = False, 0.0, SLICE_SECONDS
 
     def touch(self) -> None:
         """Note that anything may have changed; may be called from any thread."""
@@ -120,6 +121,8 @@ class LivePaths:
         Args:
             now: Seconds of any steady clock.
         """
+        elapsed, self._ticked_at = now - self._ticked_at, now
+        self._slice = min(max(SLICE_SECONDS, SHARE * elapsed), LONGEST_SLICE)
         if self._touched or self._ranges_changed():
             self._touched, self._quiet_from = False, now
             self._drop_outdated()
@@ -222,7 +225,7 @@ class LivePaths:
 
     def _sample(self, scene: bpy.types.Scene, job: _Job) -> None:
         """Sample some frames; with the last one, ask for the paths."""
-        until, moments = perf_counter() + SLICE_SECONDS, job.moments
+        until, moments = perf_counter() + self._slice, job.moments
         last = job.signature.end
         with stand_in_for(scene) as stand_in:
             while job.signature.start + len(moments) <= last and perf_counter() < until:

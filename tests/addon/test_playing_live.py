@@ -202,7 +202,8 @@ def test_no_scene_is_left_behind_and_the_frame_stays(stage, clock):
 
 
 def test_a_long_range_is_sampled_in_slices(stage, clock, monkeypatch):
-    monkeypatch.setattr(live_paths, "SLICE_SECONDS", 0.0005)
+    for limit in ("SLICE_SECONDS", "LONGEST_SLICE"):
+        monkeypatch.setattr(live_paths, limit, 0.0005)
     stage.frame_end = 400
     ticks = clock.settle()
     assert ticks > 20 and len(keys_of(stage)) == 400
