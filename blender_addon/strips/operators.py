@@ -1,15 +1,22 @@
-"""Rendering a range into files, and into a strip of the sequencer."""
+"""Rendering a range into files, and into a strip of the sequencer.
+
+Without a window they do the same, and what was finished before is not drawn again:
+
+    blender -b film.blend --python-exit-code 1 --python-expr \
+        "import bpy; bpy.ops.playable.render_to_sequencer(); bpy.ops.wm.save_mainfile()"
+    blender -b film.blend --python-exit-code 1 --python-expr \
+        "import bpy; bpy.ops.playable.render_range(frame_start=1, frame_end=120)"
+"""
 
 import json
 
 import bpy
 from bpy.props import IntProperty, StringProperty
 
-from ..session import session
-from ..worker_operator import Result, allowed, model_path
+from ..worker_operator import Result, allowed
 from .job import RangeJob, source_of
 from .placing import StripPlan, place_strip
-from .provenance import Provenance, provenance_of
+from .provenance import provenance_of
 from .range_operator import RangeOperator
 from .running import Outcome
 from .target import leave_sequencer_out, target_of, target_warnings
@@ -83,8 +90,8 @@ class PLAYABLE_OT_overwrite_frames(bpy.types.Operator):
             self,
             event,
             title="Overwrite Files?",
-            message=f"{self.count} files in the frames folder were not rendered by this job, "
-            "or were changed since. Rendering would replace them.",
+            message=f"Files in the frames folder that this job has not rendered, or that were "
+            f"changed since: {self.count}. Rendering would replace them.",
             confirm_text="Overwrite",
             icon="WARNING",
         )
@@ -119,7 +126,7 @@ def show_in_sequencer(
         job.files,
         job.frame_start + strips.frame_offset,
         strips.channel,
-        _provenance(scene, job, outcome.drawn > 0),
+        provenance_of(scene, job, outcome.facts, outcome.drawn > 0),
     )
     strip = place_strip(target, plan)
     leave_sequencer_out(target)
@@ -129,11 +136,6 @@ def show_in_sequencer(
     if getattr(context.workspace, "sequencer_scene", scene) is None:
         context.workspace.sequencer_scene = target
     return strip
-
-
-def _provenance(scene: bpy.types.Scene, job: RangeJob, drawn: bool) -> Provenance:
-    facts = session.facts(model_path(scene.playable_environment.model))
-    return provenance_of(scene, job, facts, drawn)
 
 
 def _can_render(operator: type, scene: bpy.types.Scene) -> bool:

@@ -1,5 +1,7 @@
 """What is rendered and where its strip goes; and beside a strip, where it comes from."""
 
+import textwrap
+
 import bpy
 
 from ..exact_colours import draw_colour_changes
@@ -7,7 +9,10 @@ from ..panel import PlayablePanel
 from .provenance import read_provenance, scene_of_strip
 from .running import shown_progress
 from .strip_operators import active_strip
-from .target import shadowed
+from .target import shadowed, target_warnings
+
+LINE_CHARACTERS = 40
+"""What the sidebar shows at its usual width, beside an icon."""
 
 
 class PLAYABLE_PT_output(PlayablePanel, bpy.types.Panel):
@@ -20,7 +25,7 @@ class PLAYABLE_PT_output(PlayablePanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         scene, layout = context.scene, self.layout
         settings = scene.playable_environment
-        layout.use_property_split = True
+        layout.use_property_split, layout.use_property_decorate = True, False
         layout.prop(settings, "quality")
         _draw_passes(layout, context)
         layout.prop(settings, "frames_folder")
@@ -40,7 +45,7 @@ class PLAYABLE_PT_strip_target(PlayablePanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         settings, layout = context.scene.playable_environment, self.layout
         strips = settings.strips
-        layout.use_property_split = True
+        layout.use_property_split, layout.use_property_decorate = True, False
         layout.prop(strips, "target")
         target = strips.target or settings.edit_scene
         if strips.target is not None and strips.target.playable_environment.root is not None:
@@ -49,6 +54,8 @@ class PLAYABLE_PT_strip_target(PlayablePanel, bpy.types.Panel):
             layout.label(text=f"In {target.name}", icon="SCENE_DATA", translate=False)
         layout.prop(strips, "channel")
         layout.prop(strips, "frame_offset")
+        if target is not None:
+            _draw_lines(layout, target_warnings(context.scene, target))
 
 
 class PLAYABLE_PT_strip(bpy.types.Panel):
@@ -109,10 +116,16 @@ def _draw_progress(layout: bpy.types.UILayout, job: str) -> bool:
 
 def _draw_warnings(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if reason := shadowed(scene):
-        column = layout.column()
-        column.label(text=reason, icon="ERROR")
-        column.operator("playable.leave_sequencer_out")
+        _draw_lines(layout, [reason])
+        layout.operator("playable.leave_sequencer_out")
     draw_colour_changes(layout, scene)
+
+
+def _draw_lines(layout: bpy.types.UILayout, warnings: list[str]) -> None:
+    for warning in warnings:
+        column = layout.column(align=True)
+        for number, line in enumerate(textwrap.wrap(warning, LINE_CHARACTERS)):
+            column.label(text=line, icon="BLANK1" if number else "ERROR", translate=False)
 
 
 def _draw_provenance(

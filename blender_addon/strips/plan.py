@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.messages import Message
+from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
 
 from ..session import session
@@ -49,12 +50,14 @@ class Plan:
         drawn: Frames to draw, in order.
         digests: Per frame the digest of everything that decides its file.
         size: Width and height of the files, pixels.
+        facts: The model that draws.
         warnings: What the artist should know.
     """
 
     drawn: tuple[int, ...]
     digests: Mapping[int, str]
     size: tuple[int, int]
+    facts: ModelFacts
     warnings: tuple[str, ...] = field(default=())
 
 
@@ -80,7 +83,9 @@ def plan_job(wish: Wish, should_stop: ShouldStop, on_progress: OnProgress) -> Pl
         ForeignFilesError: Files would be lost that this job has not written.
         WorkerError: The worker fails, for example because the model is missing.
     """
-    digests = _asked_digests(wish, should_stop, on_progress)
+    on_progress("asking the worker", 0, len(wish.takes))
+    facts = session.facts(wish.whole.model, should_stop)
+    digests = {} if wish.unknowable else _asked_digests(wish, should_stop, on_progress)
     manifest = read_manifest(wish.job.folder)
     drawn, foreign = [], []
     for done, frame in enumerate(wish.job.frames):
@@ -94,7 +99,7 @@ def plan_job(wish: Wish, should_stop: ShouldStop, on_progress: OnProgress) -> Pl
         drawn.append(frame)
     if foreign and not wish.overwrite:
         raise ForeignFilesError(foreign)
-    return Plan(tuple(drawn), digests, wish.size, _warnings(wish, manifest))
+    return Plan(tuple(drawn), digests, wish.size, facts, _warnings(wish, manifest))
 
 
 def foreign_files(job: RangeJob) -> list[Path]:
@@ -105,11 +110,7 @@ def foreign_files(job: RangeJob) -> list[Path]:
 
 
 def _asked_digests(wish: Wish, should_stop: ShouldStop, on_progress: OnProgress) -> dict[int, str]:
-    if wish.unknowable:
-        session.facts(wish.whole.model, should_stop)
-        return {}
     found: dict[int, str] = {}
-    on_progress("asking the worker", 0, len(wish.takes))
     for take in wish.takes:
         found |= _digest(take, wish.whole, should_stop)
         on_progress("asking the worker", len(found), len(wish.takes))

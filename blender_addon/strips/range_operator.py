@@ -16,6 +16,7 @@ from .running import Begin, Outcome, Progress, Running, run_job, shown_progress
 from .target import check_target
 
 TURN_SECONDS = 0.005
+EVERYTHING = "Render frames too that are there already and would look the same"
 
 
 class RangeOperator:
@@ -27,7 +28,7 @@ class RangeOperator:
 
     everything: BoolProperty(
         name="Render Everything Again",
-        description="Render frames too that are there already and would look the same",
+        description=EVERYTHING,
         default=False,
         options={"SKIP_SAVE"},
     )
@@ -37,6 +38,13 @@ class RangeOperator:
         default=False,
         options={"SKIP_SAVE"},
     )
+
+    @classmethod
+    def description(
+        cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties
+    ) -> str:
+        """The tooltip of a button; empty for the class's own."""
+        return EVERYTHING if properties.everything else ""
 
     def source(self, context: bpy.types.Context) -> bpy.types.Scene:
         """The scene that is rendered.

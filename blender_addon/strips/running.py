@@ -13,6 +13,7 @@ from pathlib import Path
 import bpy
 
 from pe_runtime.contract.errors import ShotError
+from pe_runtime.contract.model_facts import ModelFacts
 
 from ..background import BackgroundCall
 from .arrivals import Arrivals
@@ -50,12 +51,14 @@ class Outcome:
     Attributes:
         drawn: Frames that were drawn and are in place.
         count: Frames of the job.
+        facts: The model that draws them.
         stopped: Whether the artist stopped it; frames are missing or old then.
         warnings: What the artist should know.
     """
 
     drawn: int
     count: int
+    facts: ModelFacts
     stopped: bool = False
     warnings: tuple[str, ...] = ()
 
@@ -95,7 +98,7 @@ def run_job(
     wish = wish_of(job, takes, everything, overwrite)
     plan: Plan = yield from _waiting(BackgroundCall(partial(plan_job, wish)))
     if not plan.drawn:
-        return Outcome(0, len(job.frames), warnings=plan.warnings)
+        return Outcome(0, len(job.frames), plan.facts, warnings=plan.warnings)
     with staging_folder(job.folder) as staged, Arrivals(job, plan, staged) as arrivals:
         try:
             yield from _drawing(job, plan, arrivals, staged, begin)
@@ -106,7 +109,8 @@ def run_job(
     complete = len(arrivals.placed) == len(plan.drawn)
     if not complete and not arrivals.cancelled:
         raise ShotError(f"Blender saved {len(arrivals.placed)} of {len(plan.drawn)} frames")
-    return Outcome(len(arrivals.placed), len(job.frames), not complete, plan.warnings)
+    placed = len(arrivals.placed)
+    return Outcome(placed, len(job.frames), plan.facts, not complete, plan.warnings)
 
 
 def _waiting(call: BackgroundCall) -> Generator[Progress, None, object]:

@@ -32,7 +32,7 @@ class StripSettings(bpy.types.PropertyGroup):
         default=0,
     )
     only_changed: BoolProperty(
-        name="Only What Changed",
+        name="Only Changes",
         description="Render the frames that are missing or would look different now; "
         "off: render every frame again",
         default=True,
