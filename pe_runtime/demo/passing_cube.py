@@ -13,7 +13,7 @@ from pe_runtime.shots.clips import start_from_clip
 
 PROGRAM = ("-m", "blender_addon.examples.passing_cube")
 SIZE = (512, 288)
-SHOWN = (9, 13, 18)
+SHOWN = (9, 13, 16)
 """Frames of the sheet: behind the one player, between them, before the other."""
 
 
