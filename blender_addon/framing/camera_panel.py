@@ -32,7 +32,7 @@ def draw_camera(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if framing.camera_mode == "MATCH":
         _draw_match(layout, scene)
     elif framing.camera_mode == "USUAL":
-        layout.label(text="From where such pictures are usually taken", icon="INFO")
+        layout.label(text="The model's usual view", icon="INFO")
     else:
         layout.prop(framing, "camera")
         size = shown_size(scene)

@@ -34,24 +34,26 @@ class PLAYABLE_PT_environment(PlayablePanel, bpy.types.Panel):
         edits = edits_of(context)
         lacks = {each.step: each.text for each in all_missing(context.scene, edits)}
         seen = framed_picture(context.scene)
-        width = _characters(context)
-        if (body := _step(layout, "1   Picture", lacks.get(PICTURE, ""), width)) is not None:
+        width, done = _characters(context), _is_encoded(context.scene)
+        if (body := _step(layout, "1   Picture", lacks.get(PICTURE, ""), width, done)) is not None:
             _draw_picture(body, context.scene, edits, width)
-        if (body := _step(layout, "2   Camera", lacks.get(CAMERA, ""), width)) is not None:
+        if (body := _step(layout, "2   Camera", lacks.get(CAMERA, ""), width, done)) is not None:
             draw_camera(body, context.scene)
-        if (body := _step(layout, "3   Objects", lacks.get(OBJECTS, ""), width)) is not None:
+        if (body := _step(layout, "3   Objects", lacks.get(OBJECTS, ""), width, done)) is not None:
             draw_objects(body, context.scene)
         _draw_warnings(layout, seen, width)
-        _draw_ways_in(layout)
+        _draw_ways_in(layout, done)
         if context.scene.playable_environment.root is not None:
             layout.prop(context.scene.playable_environment, "root")
 
 
 def _step(
-    layout: bpy.types.UILayout, title: str, lack: str, width: int
+    layout: bpy.types.UILayout, title: str, lack: str, width: int, done: bool
 ) -> bpy.types.UILayout | None:
     """A numbered step that can be folded: ticked, or with what it still needs."""
-    header, body = layout.panel(f"PLAYABLE_step_{title[0]}")
+    # Blender remembers by name what is folded: once encoded, the steps make room for playing.
+    name = f"PLAYABLE_done_{title[0]}" if done else f"PLAYABLE_step_{title[0]}"
+    header, body = layout.panel(name, default_closed=done)
     header.label(text=title, icon="RADIOBUT_OFF" if lack else "CHECKMARK")
     if body is not None and lack:
         wrapped(body, lack, "INFO", width)
@@ -70,7 +72,10 @@ def _draw_picture(
     if framing.model_choice == MODEL_FILE:
         layout.prop(settings, "model", text="File")
     _draw_facts(layout, settings, width)
-    layout.row().prop(framing, "picture_source", expand=True)
+    row = layout.row()
+    # Three words need the whole width.
+    row.use_property_split = False
+    row.prop(framing, "picture_source", expand=True)
     if framing.picture_source == "FILE":
         layout.prop(settings, "image_path", text="File")
     elif framing.picture_source == "IMAGE":
@@ -114,9 +119,14 @@ def _draw_warnings(layout: bpy.types.UILayout, seen: FramedPicture | None, width
             wrapped(column, text, "DOT", width)
 
 
-def _draw_ways_in(layout: bpy.types.UILayout) -> None:
+def _is_encoded(scene: bpy.types.Scene) -> bool:
+    settings = scene.playable_environment
+    return settings.root is not None and not settings.framing.is_open
+
+
+def _draw_ways_in(layout: bpy.types.UILayout, done: bool) -> None:
     column = layout.column(align=True)
-    column.scale_y = 1.6
+    column.scale_y = 1.0 if done else 1.6
     column.operator("playable.open_picture", icon="OUTLINER_OB_EMPTY")
     other = layout.operator("playable.open_picture", text="New in New Scene", icon="SCENE_DATA")
     other.new_scene = True

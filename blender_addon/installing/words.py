@@ -21,7 +21,7 @@ ICONS = {
 }
 ORIGINS = {
     VARIABLE: f"named by the environment variable {VARIABLE}",
-    CHOSEN: "chosen above",
+    CHOSEN: "chosen in the preferences",
     PRIVATE: "set up by this add-on",
     OWN: "Blender's own",
 }
