@@ -179,6 +179,7 @@ def place_empty(
 def teach_actions(each: bpy.types.Object, name: str, facts: ModelFacts) -> None:
     """Give an Empty the model's actions; until it has keys, it does what nobody has to tell it."""
     names = json.dumps(facts.action_names[name])
+    each.playable.overrides.persist()
     each.playable.action_movements = json.dumps(facts.movements.get(name, ()))
     if each.playable.action_names != names:
         each.playable.action_names = names

@@ -274,7 +274,9 @@ def register() -> None:
     for each in CLASSES:
         bpy.utils.register_class(each)
     bpy.types.Scene.playable_environment = PointerProperty(type=EnvironmentSettings)
-    bpy.types.Object.playable = PointerProperty(type=PlayableSettings)
+    # Without this, what a library override changes in it is lost when the file is opened again.
+    overridable = {"LIBRARY_OVERRIDABLE"}
+    bpy.types.Object.playable = PointerProperty(type=PlayableSettings, override=overridable)
 
 
 def unregister() -> None:

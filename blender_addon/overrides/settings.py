@@ -140,6 +140,14 @@ class OverrideSettings(bpy.types.PropertyGroup):
         override=OVERRIDABLE,
     )
 
+    def persist(self) -> None:
+        """Be in the file even where nothing is overridden.
+
+        A library override can change what its library has stored, not what is left at defaults.
+        """
+        for name in ("place", "style", "style_mix", "pose"):
+            setattr(self, name, getattr(self, name))
+
     @property
     def lender_number(self) -> int:
         """What is chosen of the picture's objects, also where that is no longer on offer."""

@@ -229,3 +229,28 @@ def test_the_state_of_the_scene_decides_who_is_of_one_class(baked):
     with pytest.raises(ShotError, match="does not show; choose another one"):
         sample_range(baked, [1])
     assert set(BOXES) == set(playable_objects(baked))
+
+
+def test_a_library_override_keeps_its_own_overrides_and_keys(baked, tmp_path):
+    library = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=library)
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(library, link=True) as (_, wanted):
+        wanted.objects = ["player_1"]
+    linked = bpy.data.objects["player_1"]
+    bpy.context.view_layer.objects.active = None
+    local = linked.override_create()
+    bpy.context.scene.collection.objects.link(local)
+    own = local.playable.overrides
+    own.style, own.style_mix, own.place = "OBJECT", 0.25, "FREE"
+    bpy.context.view_layer.objects.active = local
+    bpy.context.scene.frame_set(3)
+    bpy.ops.playable.hold_pose()
+    file = str(tmp_path / "shot.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=file)
+    bpy.ops.wm.open_mainfile(filepath=file)
+    again = next(each for each in bpy.data.objects if each.override_library)
+    found = again.playable.overrides
+    assert (found.style, found.style_mix, found.place) == ("OBJECT", 0.25, "FREE")
+    assert held_since(again, 5) == 3
+    assert again.animation_data.action.library is None
