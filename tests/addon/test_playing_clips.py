@@ -206,6 +206,44 @@ class TestInBlender:
         bpy.ops.playable.actions_from_clip(source="STRIP")
         assert self.keys(environment) == self.KEYS
 
+    def movie_of(self, folder):
+        """A movie of the frames that loses nothing."""
+        import bpy
+
+        film = bpy.data.scenes.new("film")
+        self.strip_of(film, folder)
+        film.frame_start, film.frame_end = 1, 13
+        render, film.view_settings.view_transform = film.render, "Standard"
+        render.resolution_x, render.resolution_y, render.dither_intensity = WIDTH, HEIGHT, 0.0
+        if hasattr(render.image_settings, "media_type"):
+            render.image_settings.media_type = "VIDEO"
+        render.image_settings.file_format, render.image_settings.color_mode = "FFMPEG", "RGB"
+        render.ffmpeg.format, render.ffmpeg.codec = "QUICKTIME", "PNG"
+        render.use_file_extension, render.filepath = False, str(folder / "film.mov")
+        bpy.ops.render.render(animation=True, scene=film.name)
+        bpy.data.scenes.remove(film)
+        return folder / "film.mov"
+
+    @pytest.mark.parametrize("kind", ["movie", "pictures"])
+    def test_a_clip_is_read_to_the_byte_wherever_it_starts(self, environment, filmed, kind):
+        import bpy
+
+        from blender_addon.pictures import read_picture
+        from blender_addon.playing.clip_reading import ClipSource
+
+        folder = filmed[1]
+        path = self.movie_of(folder) if kind == "movie" else folder / "clip_0001.png"
+        clip = bpy.data.movieclips.load(str(path))
+        clip.frame_start, clip.frame_offset = 20, 2
+        source = ClipSource(environment.name, "", clip.name, None)
+        images = len(bpy.data.images)
+        for frame, shown in ((20, 3), (25, 8), (28, 11)):
+            picture = source.picture_at(frame)
+            expected = read_picture(str(folder / f"clip_{shown:04d}.png"))
+            assert np.array_equal(picture.pixels, expected)
+            assert picture.frame == frame and picture.boxes is None
+        assert len(bpy.data.scenes) == 1 and len(bpy.data.images) == images
+
     def test_keys_outside_of_the_range_stay(self, environment, clip):
         import bpy
 
