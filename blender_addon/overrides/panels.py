@@ -5,6 +5,8 @@ import bpy
 from ..panel import PlayablePanel
 from .settings import OverrideSettings, StyleSource
 
+EDGES = ("Left", "Top", "Right", "Bottom")
+
 
 class PLAYABLE_UL_styles(bpy.types.UIList):
     """The collected styles: a name that can be changed, and whose look it is."""
@@ -41,7 +43,9 @@ class PLAYABLE_PT_overrides(PlayablePanel, bpy.types.Panel):
         _draw_place(layout, own)
         _draw_style(layout, own)
         _draw_pose(layout, own)
-        layout.prop(target, "hide_render", text="Hide in Renders")
+        layout.prop(
+            target, "hide_render", text="Show in Renders", toggle=False, invert_checkbox=True
+        )
 
 
 class PLAYABLE_PT_styles(PlayablePanel, bpy.types.Panel):
@@ -59,11 +63,11 @@ class PLAYABLE_PT_styles(PlayablePanel, bpy.types.Panel):
             row.template_list("PLAYABLE_UL_styles", "", styles, "sources", styles, "active", rows=2)
             row.operator("playable.remove_style", text="", icon="REMOVE")
         layout.use_property_split = True
-        column = layout.column()
-        column.prop(styles, "image_path")
-        column.prop(styles, "player")
-        column.prop(styles, "camera")
-        column.prop(styles, "box")
+        column = layout.column(align=True)
+        for name in ("image_path", "player", "camera"):
+            column.prop(styles, name)
+        for index, edge in enumerate(EDGES):
+            column.prop(styles, "box", index=index, text=edge)
         column.operator("playable.add_style", icon="ADD")
         row = layout.row(align=True)
         row.prop(styles, "scene")
