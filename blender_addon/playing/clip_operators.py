@@ -81,7 +81,7 @@ class PLAYABLE_OT_actions_from_clip(WorkerOperator, bpy.types.Operator):
         return super().invoke(context, event)
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
-        if event.type == "TIMER" and self._feed is not None and self._feed.has_room:
+        while event.type == "TIMER" and self._feed is not None and self._feed.has_room:
             self._read_on()
         return super().modal(context, event)
 
