@@ -34,13 +34,16 @@ def asked(environment, monkeypatch):
 
 def offered(scene):
     """The outputs that compositor nodes see of a view layer."""
-    kind = "CompositorNodeTree"
-    tree = bpy.data.node_groups.new("nodes", kind)
+    # Before 5.0 render layers are nodes of a scene's own tree only.
+    own = not hasattr(scene, "compositing_node_group")
+    if own:
+        scene.use_nodes = True
+    tree = scene.node_tree if own else bpy.data.node_groups.new("nodes", "CompositorNodeTree")
     node = tree.nodes.new("CompositorNodeRLayers")
     node.scene = scene
     scene.view_layers[0].update_render_passes()
     found = {socket.name for socket in node.outputs if socket.enabled}
-    bpy.data.node_groups.remove(tree)
+    tree.nodes.remove(node)
     return found
 
 
