@@ -188,7 +188,8 @@ def _summary(opening: Opening, facts: ModelFacts, eye: Camera, picture: FoundPic
     unusual = warnings_for(facts, eye, opening.boxes, picture.size)
     notes = [*opening.notes, *([picture.note] if picture.note else [])]
     if unusual:
-        notes.append(f"{len(unusual)} warnings, the first: {unusual[0].text}")
+        more = f" (and {len(unusual) - 1} more)" if len(unusual) > 1 else ""
+        notes.append(f"unusual: {unusual[0].text}{more}")
     terms = [f"weights: {facts.licence}"] if facts.licence else []
     done = f"{len(opening.boxes)} playable objects found; colours are set to Standard"
     return "; ".join((done, *terms, *notes))

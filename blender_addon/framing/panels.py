@@ -37,7 +37,8 @@ class PLAYABLE_PT_environment(PlayablePanel, bpy.types.Panel):
         width, done = _characters(context), _is_encoded(context.scene)
         if (body := _step(layout, "1   Picture", lacks.get(PICTURE, ""), width, done)) is not None:
             _draw_picture(body, context.scene, edits, width)
-        if (body := _step(layout, "2   Camera", lacks.get(CAMERA, ""), width, done)) is not None:
+        trouble = lacks.get(CAMERA) or (seen.trouble if seen else "")
+        if (body := _step(layout, "2   Camera", trouble, width, done)) is not None:
             draw_camera(body, context.scene)
         if (body := _step(layout, "3   Objects", lacks.get(OBJECTS, ""), width, done)) is not None:
             draw_objects(body, context.scene)
@@ -111,10 +112,9 @@ def _draw_warnings(layout: bpy.types.UILayout, seen: FramedPicture | None, width
     if seen is None:
         return
     texts = [each.text for own in seen.warnings.values() for each in own]
-    texts = [seen.trouble, *texts] if seen.trouble else texts
     if texts:
         column = layout.column(align=True)
-        column.label(text="Unlike what the model was trained on:", icon="ERROR")
+        column.label(text="Good to know before encoding:", icon="ERROR")
         for text in texts:
             wrapped(column, text, "DOT", width)
 

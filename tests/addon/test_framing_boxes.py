@@ -214,7 +214,7 @@ def test_the_button_is_greyed_with_the_reason_until_all_is_there(scene, settings
 def test_what_is_unusual_is_said_when_an_environment_is_made(settings, capfd):
     settings.boxes["player_1"].box = (0, 10, 12, 30)
     bpy.ops.playable.open_picture()
-    assert "the first: player_1: the box touches the left border" in capfd.readouterr().out
+    assert "unusual: player_1: the box touches the left border" in capfd.readouterr().out
 
 
 def test_a_new_environment_can_have_a_scene_of_its_own(environment, picture):
