@@ -13,13 +13,15 @@ LINE_LENGTH = 46
 """Letters of a warning's line."""
 
 
-def view_of(framed: FramedPicture, eye: Camera) -> PictureView:
+def view_of(framed: FramedPicture, eye: Camera, with_points: bool = True) -> PictureView:
     """A framed picture as the overlay draws it.
 
     Args:
         framed: What is known of it.
         eye: The camera that saw it or, while that is unknown, the one that one looks through.
+        with_points: Whether its ground points have a say.
     """
+    points = framed.points if with_points else ()
     facts, about_camera = framed.facts, framed.warnings.get("", ())
     known = facts.envelope if facts else None
     said = {name: framed.warnings.get(name, ()) for name in framed.boxes}
@@ -35,7 +37,7 @@ def view_of(framed: FramedPicture, eye: Camera) -> PictureView:
         boxes,
         facts.volumes if facts else {},
         known.positions if known else None,
-        tuple(GroundMark(each.name, each.pixel, each.place) for each in framed.points),
+        tuple(GroundMark(each.name, each.pixel, each.place) for each in points),
         verdict,
         words,
         framed.camera is not None,
@@ -55,4 +57,6 @@ def words_of(said: Sequence[FramingWarning]) -> str:
 
 
 def _wrapped(text: str) -> str:
-    return "\n".join(textwrap.wrap(text[:1].upper() + text[1:], LINE_LENGTH))
+    # Names of objects stay as they are.
+    text = text[:1].upper() + text[1:] if text.startswith("the ") else text
+    return "\n".join(textwrap.wrap(text, LINE_LENGTH))

@@ -36,10 +36,12 @@ def picture_view_of(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> P
             return None
         matrix = world_from_environment(depsgraph)
         eye = seen_by(holder.evaluated_get(depsgraph), scene.render, matrix, framed.size)
+    # The usual camera goes by no points: they would only seem to miss.
+    mode = scene.playable_environment.framing.camera_mode
     source, view = _views.get(scene.name, (None, None))
-    if source is None or source[0] is not framed or source[1] != eye:
-        view = view_of(framed, eye)
-        _views[scene.name] = (framed, eye), view
+    if source is None or source[0] is not framed or source[1:] != (eye, mode):
+        view = view_of(framed, eye, with_points=mode != "USUAL")
+        _views[scene.name] = (framed, eye, mode), view
     return view
 
 

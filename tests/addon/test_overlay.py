@@ -87,6 +87,9 @@ def test_ground_points_are_shown_although_the_camera_is_not_matched_yet(framed):
     only(framed, "points", "grid")
     lines = lines_of(framed)
     assert lines.segments == 2 and [each.text for each in lines.labels] == ["Point 1"]
+    framing.camera_mode = "USUAL"
+    only(framed, "points")
+    assert lines_of(framed).segments == 0
 
 
 def test_the_picture_is_looked_at_anew_only_when_something_has_changed(framed):

@@ -1,4 +1,4 @@
-"""The first picture of the built-in model's own clip, with its boxes; without the runtime."""
+"""The first picture of the built-in model's own clip: boxes, and where it shows the ground."""
 
 import json
 from pathlib import Path
@@ -15,3 +15,12 @@ with np.load(_CLIP / "arrays.npz") as _arrays:
         for index, name in enumerate(_OBJECTS)
         if _arrays["present"][0, 0, index]
     }
+    _INTRINSICS = _arrays["intrinsics"][0, 0].astype(float)
+    _POSE = _arrays["world_from_camera"][0, 0].astype(float)
+
+
+def pixel_of(x: float, y: float) -> tuple[float, float]:
+    """Where the picture shows a place of the ground, metres."""
+    in_camera = (np.array([x, y, 0.0]) - _POSE[:3, 3]) @ _POSE[:3, :3]
+    u, v, w = _INTRINSICS @ in_camera
+    return float(u / w), float(v / w)

@@ -25,6 +25,8 @@ DIGITS = ("ONE", "TWO", "THREE", "FOUR", "FIVE", "SIX", "SEVEN", "EIGHT", "NINE"
 LOOK = 3.0
 """Seconds after which what was asked of the worker is shown."""
 LAST_FRAME, FPS = 36, 12
+PLACES = ((-2.5, -1.0), (2.5, -1.0), (2.0, 2.5), (-2.5, 2.5), (0.0, 0.5))
+"""Of the ground, metres."""
 ACTIONS = {
     "player_1": ((1, "right"), (13, "idle"), (22, "forward")),
     "player_2": ((1, "forward"), (10, "left"), (25, "idle")),
@@ -36,6 +38,8 @@ def story(window: Window) -> Iterator:
     yield from enable(window)
     yield from preferences(window)
     yield from frame_a_picture(window)
+    yield from match_a_camera(window)
+    yield from warn(window)
     yield from encode(window)
     yield from play(window)
     yield from film(window)
@@ -94,11 +98,40 @@ def frame_a_picture(window: Window) -> Iterator:
     window.picture("boxes_on_the_picture")
 
 
+def match_a_camera(window: Window) -> Iterator:
+    """Ground points, one of them placed badly: the overlay shows which."""
+    framing = bpy.context.scene.playable_environment.framing
+    framing.camera_mode = "MATCH"
+    for index, place in enumerate(PLACES):
+        point, (u, v) = framing.add_point(), clip.pixel_of(*place)
+        point.place, point.pixel, point.is_placed = place, (u + 8.0 * (index == 1), v), True
+    yield from press(window, "match_camera")
+    yield lambda: framing.residual >= 0.0
+    check(framing.residual < 10.0, f"the camera misses by {framing.residual} pixels")
+    yield PAUSE
+    window.picture("camera_from_ground_points")
+    framing.camera_mode = "USUAL"
+    yield from press(window, "show_picture")
+
+
+def warn(window: Window) -> Iterator:
+    """Boxes that the model cannot know, or nobody can: amber and red, with the reason."""
+    settings = bpy.context.scene.playable_environment
+    left, top, right, bottom = clip.BOXES["player_2"]
+    settings.boxes["player_2"].box = left, top, right, bottom - 30.0
+    yield PAUSE
+    window.picture("a_box_with_a_warning")
+    settings.set_boxes(clip.BOXES, clip.BOXES)
+    yield PAUSE
+
+
 def encode(window: Window) -> Iterator:
     """New Playable Environment."""
     settings = bpy.context.scene.playable_environment
     yield from press(window, "open_picture")
     yield lambda: settings.root is not None
+    yield LOOK
+    yield paths_are_live
     yield PAUSE
     check(len(players()) == len(clip.BOXES), f"the players are {list(players())}")
     window.picture("new_environment")
@@ -191,6 +224,9 @@ def render_to_sequencer(window: Window) -> Iterator:
     yield from press(window, "render_to_sequencer")
     yield lambda: settings.edit_scene is not None and bool(strips(settings.edit_scene))
     yield LOOK
+    with window.area_of("VIEW_3D", region="UI"):
+        bpy.ops.view2d.scroll_down(page=True)
+    yield PAUSE
     window.picture("rendered_to_sequencer")
     template = Path(bpy.utils.system_resource("SCRIPTS"), "startup", "bl_app_templates_system")
     bpy.ops.workspace.append_activate(
