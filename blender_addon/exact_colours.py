@@ -10,7 +10,7 @@ ENGINE = "PLAYABLE_ENV"
 
 
 class PLAYABLE_OT_use_exact_colours(bpy.types.Operator):
-    """Set the scene's colour management so that the model's colours are saved as they are."""
+    """Set the scene's colour management so that the model's colours are saved as they are"""
 
     bl_idname = "playable.use_exact_colours"
     bl_label = "Use Exact Colours"

@@ -16,7 +16,7 @@ from .tracked_boxes import tracked_box
 
 
 class PLAYABLE_OT_detect_boxes(WorkerOperator, bpy.types.Operator):
-    """Find the playable objects in the picture and draw their boxes."""
+    """Find the playable objects in the picture and draw their boxes"""
 
     bl_idname = "playable.detect_boxes"
     bl_label = "Detect"
@@ -58,7 +58,7 @@ class PLAYABLE_OT_detect_boxes(WorkerOperator, bpy.types.Operator):
 
 
 class PLAYABLE_OT_boxes_from_tracks(bpy.types.Operator):
-    """Take the boxes of the playable objects from the clip's tracking markers at this frame."""
+    """Take the boxes of the playable objects from the clip's tracking markers at this frame"""
 
     bl_idname = "playable.boxes_from_tracks"
     bl_label = "Boxes from Tracks"

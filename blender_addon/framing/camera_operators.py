@@ -22,7 +22,7 @@ from .showing import look_through, show_picture
 
 
 class PLAYABLE_OT_show_picture(bpy.types.Operator):
-    """Look at the picture through its camera, so that it can be framed in the 3D view."""
+    """Look at the picture through its camera, so that it can be framed in the 3D view"""
 
     bl_idname = "playable.show_picture"
     bl_label = "Show Picture"
@@ -47,7 +47,7 @@ class PLAYABLE_OT_show_picture(bpy.types.Operator):
 
 
 class PLAYABLE_OT_use_picture_size(bpy.types.Operator):
-    """Render pictures of the framed picture's size, on square pixels."""
+    """Render pictures of the framed picture's size, on square pixels"""
 
     bl_idname = "playable.use_picture_size"
     bl_label = "Use Picture Size"
@@ -68,7 +68,7 @@ class PLAYABLE_OT_use_picture_size(bpy.types.Operator):
 
 
 class PLAYABLE_OT_match_camera(WorkerOperator, bpy.types.Operator):
-    """Find the camera that sees the placed points of the ground where the picture shows them."""
+    """Find the camera that sees the placed points of the ground where the picture shows them"""
 
     bl_idname = "playable.match_camera"
     bl_label = "Match Camera"
@@ -106,7 +106,7 @@ class PLAYABLE_OT_match_camera(WorkerOperator, bpy.types.Operator):
 
 
 class PLAYABLE_OT_add_ground_point(bpy.types.Operator):
-    """Add a point of the ground; place it on the picture with Place Points."""
+    """Add a point of the ground; place it on the picture with Place Points"""
 
     bl_idname = "playable.add_ground_point"
     bl_label = "Add Ground Point"
@@ -120,7 +120,7 @@ class PLAYABLE_OT_add_ground_point(bpy.types.Operator):
 
 
 class PLAYABLE_OT_remove_ground_point(bpy.types.Operator):
-    """Take a point of the ground away."""
+    """Take a point of the ground away"""
 
     bl_idname = "playable.remove_ground_point"
     bl_label = "Remove Ground Point"
@@ -161,7 +161,7 @@ def _items(places: tuple[tuple[str, Place], ...]) -> tuple[tuple[str, str, str, 
 
 
 class PLAYABLE_OT_use_landmark(bpy.types.Operator):
-    """Give the active point the place of something that the model knows."""
+    """Give the active point the place of something that the model knows"""
 
     bl_idname = "playable.use_landmark"
     bl_label = "Known Place"

@@ -85,7 +85,7 @@ class NewEnvironment(WorkerOperator):
 
 
 class PLAYABLE_OT_new_environment(NewEnvironment, bpy.types.Operator):
-    """Encode a picture and put an Empty where each of its playable objects stands."""
+    """Encode a picture and put an Empty where each of its playable objects stands"""
 
     bl_idname = "playable.new_environment"
     bl_label = "New Playable Environment"
@@ -97,7 +97,7 @@ class PLAYABLE_OT_new_environment(NewEnvironment, bpy.types.Operator):
 
 
 class PLAYABLE_OT_open_picture(NewEnvironment, bpy.types.Operator):
-    """Encode the picture as it is set up here; each playable object gets its Empty."""
+    """Encode the picture as it is set up here; each playable object gets its Empty"""
 
     bl_idname = "playable.open_picture"
     bl_label = "New Playable Environment"
@@ -117,7 +117,7 @@ class PLAYABLE_OT_open_picture(NewEnvironment, bpy.types.Operator):
 
 
 class PLAYABLE_OT_load_model(WorkerOperator, bpy.types.Operator):
-    """Load the model and list its playable objects, so that their boxes can be drawn."""
+    """Load the model and list its playable objects, so that their boxes can be drawn"""
 
     bl_idname = "playable.load_model"
     bl_label = "Load Model"

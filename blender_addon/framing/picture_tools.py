@@ -109,7 +109,7 @@ class PictureTool:
 
 
 class PLAYABLE_OT_draw_boxes(PictureTool, bpy.types.Operator):
-    """Drag a box around each playable object in the picture, down to its feet."""
+    """Drag a box around each playable object in the picture, down to its feet"""
 
     bl_idname = "playable.draw_boxes"
     bl_label = "Draw Boxes"
@@ -175,7 +175,7 @@ class PLAYABLE_OT_draw_boxes(PictureTool, bpy.types.Operator):
 
 
 class PLAYABLE_OT_place_ground_points(PictureTool, bpy.types.Operator):
-    """Click on the picture where it shows the points of the ground; drag them to correct them."""
+    """Click on the picture where it shows the points of the ground; drag them to correct them"""
 
     bl_idname = "playable.place_ground_points"
     bl_label = "Place Points"

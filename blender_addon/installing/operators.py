@@ -41,10 +41,7 @@ PROCESSORS = (
 
 
 class PLAYABLE_OT_set_up_runtime(bpy.types.Operator):
-    """Build a private Python with the runtime in the add-on's own folder, after asking.
-
-    Nothing else is touched, and Remove takes all of it away again.
-    """
+    """Build a private Python with the runtime in the add-on's folder; Remove takes it away again"""
 
     bl_idname = "playable.set_up_runtime"
     bl_label = "Set Up Runtime"
@@ -148,7 +145,7 @@ class PLAYABLE_OT_set_up_runtime(bpy.types.Operator):
 
 
 class PLAYABLE_OT_cancel_set_up(bpy.types.Operator):
-    """Stop setting up the runtime; nothing of it stays, and an older one is untouched."""
+    """Stop setting up the runtime; nothing of it stays, and an older one is untouched"""
 
     bl_idname = "playable.cancel_set_up"
     bl_label = "Stop Setting Up"
@@ -163,7 +160,7 @@ class PLAYABLE_OT_cancel_set_up(bpy.types.Operator):
 
 
 class PLAYABLE_OT_remove_runtime(bpy.types.Operator):
-    """Delete the runtime that Set Up Runtime made; a Python that you chose is left alone."""
+    """Delete the runtime that Set Up Runtime made; a Python that you chose is left alone"""
 
     bl_idname = "playable.remove_runtime"
     bl_label = "Remove the Runtime?"
@@ -196,7 +193,7 @@ class PLAYABLE_OT_remove_runtime(bpy.types.Operator):
 
 
 class PLAYABLE_OT_check_runtime(bpy.types.Operator):
-    """Start the runtime once and tell its version and what it computes on."""
+    """Start the runtime once and tell its version and what it computes on"""
 
     bl_idname = "playable.check_runtime"
     bl_label = "Check Again"
@@ -216,7 +213,7 @@ class PLAYABLE_OT_check_runtime(bpy.types.Operator):
 
 
 class PLAYABLE_OT_stop_worker(bpy.types.Operator):
-    """End the worker process, which frees its memory; the next request starts another."""
+    """End the worker process, which frees its memory; the next request starts another"""
 
     bl_idname = "playable.stop_worker"
     bl_label = "Stop Worker"

@@ -17,7 +17,7 @@ SUFFIX = ".json"
 
 
 class PLAYABLE_OT_export_shot(bpy.types.Operator):
-    """Export the film for the command line."""
+    """Export the film for the command line"""
 
     bl_idname = "playable.export_shot"
     bl_label = "Export Shot"

@@ -19,7 +19,7 @@ EXTENTS = (
 
 
 class PLAYABLE_OT_leave_path(bpy.types.Operator):
-    """Free the active object of its path."""
+    """Free the active object of its path"""
 
     bl_idname = "playable.leave_path"
     bl_label = "Leave the Path"
@@ -42,7 +42,7 @@ class PLAYABLE_OT_leave_path(bpy.types.Operator):
 
 
 class PLAYABLE_OT_follow_path(bpy.types.Operator):
-    """Put the active object back on the path that was baked for it."""
+    """Put the active object back on the path that was baked for it"""
 
     bl_idname = "playable.follow_path"
     bl_label = "Follow the Path Again"

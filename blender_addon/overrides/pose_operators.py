@@ -10,7 +10,7 @@ from .key_history import POSE_PATH, key_from
 
 
 class PLAYABLE_OT_hold_pose(bpy.types.Operator):
-    """Key the active object's pose at this frame: held as it is now, or free again."""
+    """Key the active object's pose at this frame: held as it is now, or free again"""
 
     bl_idname = "playable.hold_pose"
     bl_label = "Hold Pose"

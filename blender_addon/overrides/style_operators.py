@@ -21,7 +21,7 @@ from .style_sources import Encoded, add_from_picture, add_from_scene, remove_sty
 
 
 class PLAYABLE_OT_add_style(WorkerOperator, bpy.types.Operator):
-    """Encode another picture and collect how its object looks, for players to take on."""
+    """Encode another picture and collect how its object looks, for players to take on"""
 
     bl_idname = "playable.add_style"
     bl_label = "Add Style from Picture"
@@ -92,7 +92,7 @@ class PLAYABLE_OT_add_style(WorkerOperator, bpy.types.Operator):
 
 
 class PLAYABLE_OT_add_scene_styles(bpy.types.Operator):
-    """Collect how the players of another scene's environment look."""
+    """Collect how the players of another scene's environment look"""
 
     bl_idname = "playable.add_scene_styles"
     bl_label = "Add Styles from Scene"
@@ -116,7 +116,7 @@ class PLAYABLE_OT_add_scene_styles(bpy.types.Operator):
 
 
 class PLAYABLE_OT_remove_style(bpy.types.Operator):
-    """Remove the active style from the list; objects that wear it get their own look back."""
+    """Remove the active style from the list; objects that wear it get their own look back"""
 
     bl_idname = "playable.remove_style"
     bl_label = "Remove Style"

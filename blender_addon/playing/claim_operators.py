@@ -26,7 +26,7 @@ def _free_items(_self: object, context: bpy.types.Context | None) -> list[tuple[
 
 
 class PLAYABLE_OT_stand_for(bpy.types.Operator):
-    """Let this Empty stand for another playable object, for which nobody stands yet."""
+    """Let this Empty stand for another playable object, for which nobody stands yet"""
 
     bl_idname = "playable.stand_for"
     bl_label = "Let It Stand for"
@@ -51,7 +51,7 @@ class PLAYABLE_OT_stand_for(bpy.types.Operator):
 
 
 class PLAYABLE_OT_make_not_playable(bpy.types.Operator):
-    """Let this Empty stand for nobody; it keeps its keys."""
+    """Let this Empty stand for nobody; it keeps its keys"""
 
     bl_idname = "playable.make_not_playable"
     bl_label = "Make Not Playable"
@@ -71,7 +71,7 @@ class PLAYABLE_OT_make_not_playable(bpy.types.Operator):
 
 
 class PLAYABLE_OT_bring_back(WorkerOperator, bpy.types.Operator):
-    """Make the Empty of a playable object again, where the picture shows the object."""
+    """Make the Empty of a playable object again, where the picture shows the object"""
 
     bl_idname = "playable.bring_back"
     bl_label = "Bring Back"

@@ -59,7 +59,7 @@ class WorkerObserver:
 
 
 class PLAYABLE_OT_actions_from_clip(WorkerOperator, bpy.types.Operator):
-    """Find out what the players of a clip do, step by step, and key it; other keys there go."""
+    """Find out what the players of a clip do, step by step, and key it; other keys there go"""
 
     bl_idname = "playable.actions_from_clip"
     bl_label = "Actions from Clip"

@@ -15,7 +15,7 @@ NONE_CHOSEN = "Select a playable Empty first"
 
 
 class PLAYABLE_OT_insert_action_key(bpy.types.Operator):
-    """Let the active playable object do an action from this frame to its next key."""
+    """Let the active playable object do an action from this frame to its next key"""
 
     bl_idname = "playable.insert_action_key"
     bl_label = "Insert Action Key"
@@ -44,7 +44,7 @@ class PLAYABLE_OT_insert_action_key(bpy.types.Operator):
 
 
 class PLAYABLE_OT_do_action(bpy.types.Operator):
-    """Let the selected playable objects do an action from this frame to their next keys."""
+    """Let the selected playable objects do an action from this frame to their next keys"""
 
     bl_idname = "playable.do_action"
     bl_label = "Do Action"
@@ -78,7 +78,7 @@ class PLAYABLE_OT_do_action(bpy.types.Operator):
 
 
 class PLAYABLE_OT_delete_action_key(bpy.types.Operator):
-    """Delete the action keys of the selected playable objects at this frame."""
+    """Delete the action keys of the selected playable objects at this frame"""
 
     bl_idname = "playable.delete_action_key"
     bl_label = "Delete Action Key"
@@ -102,7 +102,7 @@ class PLAYABLE_OT_delete_action_key(bpy.types.Operator):
 
 
 class PLAYABLE_OT_jump_to_action_key(bpy.types.Operator):
-    """Go to the next or the previous action key of the selected playable objects."""
+    """Go to the next or the previous action key of the selected playable objects"""
 
     bl_idname = "playable.jump_to_action_key"
     bl_label = "Jump to Action Key"
@@ -131,7 +131,7 @@ class PLAYABLE_OT_jump_to_action_key(bpy.types.Operator):
 
 
 class PLAYABLE_OT_next_object(bpy.types.Operator):
-    """Select the next playable object, so that the number keys play it."""
+    """Select the next playable object, so that the number keys play it"""
 
     bl_idname = "playable.next_object"
     bl_label = "Next Playable Object"

@@ -14,7 +14,7 @@ from .watching import live
 
 
 class PLAYABLE_OT_bake_paths(WorkerOperator, bpy.types.Operator):
-    """Let the model act out the action keys, seen by the animated camera, and key the paths."""
+    """Let the model act out the action keys, seen by the animated camera, and key the paths"""
 
     bl_idname = "playable.bake_paths"
     bl_label = "Bake Paths"

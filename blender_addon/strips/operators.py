@@ -23,7 +23,7 @@ from .target import leave_sequencer_out, target_of, target_warnings
 
 
 class PLAYABLE_OT_render_to_sequencer(RangeOperator, bpy.types.Operator):
-    """Render what is missing or has changed, and show the range as one strip in a sequencer."""
+    """Render what is missing or has changed, and show the range as one strip in a sequencer"""
 
     bl_idname = "playable.render_to_sequencer"
     bl_label = "Render to Sequencer"
@@ -45,7 +45,7 @@ class PLAYABLE_OT_render_to_sequencer(RangeOperator, bpy.types.Operator):
 
 
 class PLAYABLE_OT_render_range(RangeOperator, bpy.types.Operator):
-    """Render what is missing or has changed to files, without a strip; for scripts and farms."""
+    """Render what is missing or has changed to files, without a strip; for scripts and farms"""
 
     bl_idname = "playable.render_range"
     bl_label = "Render Range to Files"
@@ -75,7 +75,7 @@ class PLAYABLE_OT_render_range(RangeOperator, bpy.types.Operator):
 
 
 class PLAYABLE_OT_overwrite_frames(bpy.types.Operator):
-    """Ask whether files may be lost, and render again if so."""
+    """Ask whether files may be lost, and render again if so"""
 
     bl_idname = "playable.overwrite_frames"
     bl_label = "Overwrite Files?"
@@ -103,7 +103,7 @@ class PLAYABLE_OT_overwrite_frames(bpy.types.Operator):
 
 
 class PLAYABLE_OT_leave_sequencer_out(bpy.types.Operator):
-    """Switch the sequencer off for rendering, so that the scene's environment is rendered."""
+    """Switch the sequencer off for rendering, so that the scene's environment is rendered"""
 
     bl_idname = "playable.leave_sequencer_out"
     bl_label = "Render the Environment Instead"

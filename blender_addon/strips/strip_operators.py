@@ -47,7 +47,7 @@ class SourceOperator(StripOperator):
 
 
 class PLAYABLE_OT_render_again(SourceOperator, RangeOperator, bpy.types.Operator):
-    """Render the frames of this strip that have changed, from the scene that they came from."""
+    """Render the frames of this strip that have changed, from the scene that they came from"""
 
     bl_idname = "playable.render_again"
     bl_label = "Render Again"
@@ -68,7 +68,7 @@ class PLAYABLE_OT_render_again(SourceOperator, RangeOperator, bpy.types.Operator
 
 
 class PLAYABLE_OT_open_frames_folder(StripOperator, bpy.types.Operator):
-    """Show the strip's pictures in the system's file browser."""
+    """Show the strip's pictures in the system's file browser"""
 
     bl_idname = "playable.open_frames_folder"
     bl_label = "Open Frames Folder"
@@ -82,7 +82,7 @@ class PLAYABLE_OT_open_frames_folder(StripOperator, bpy.types.Operator):
 
 
 class PLAYABLE_OT_select_environment(SourceOperator, bpy.types.Operator):
-    """Go to the scene that the strip was rendered from and select its environment."""
+    """Go to the scene that the strip was rendered from and select its environment"""
 
     bl_idname = "playable.select_environment"
     bl_label = "Select Environment"
