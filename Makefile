@@ -2,6 +2,9 @@
 #                       make test   formatting, lint and the tests that take seconds
 #                       make gui    the walkthrough in a real Blender window, its pictures in
 #                                   build/gui (needs Blender and Xvfb: BLENDER=/path/to/blender)
+#                       make test-blenders   the add-on's tests in Blender 4.5 and 5.2
+#                       make example   a cube that passes between two players, in
+#                                      build/passing_cube
 # Needs Python 3.11 (Blender 5.0's) and a network on the first run; later runs start at once.
 # On Linux without a CUDA card, a CPU build of torch saves gigabytes; name an index that has one:
 #   make demo PIP_FLAGS="--extra-index-url https://download.pytorch.org/whl/cpu"
@@ -28,13 +31,16 @@ BRING_LIBRARIES := if [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
 	fi
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow gui format install clean
+.PHONY: help demo example test test-slow test-blenders gui format install clean
 
 help:
-	@sed -n '1,7p' Makefile | sed 's/^# //'
+	@sed -n '1,10p' Makefile | sed 's/^# //'
 
 demo: install
 	$(BIN)/pe demo --out build/demo
+
+example: install
+	$(BIN)/pe demo --passing-cube --out build/passing_cube
 
 test: install
 	$(BIN)/ruff format --check .
@@ -43,6 +49,9 @@ test: install
 
 test-slow: install
 	$(BIN)/python -m pytest -m slow
+
+test-blenders: install
+	PYTHON='$(BIN)/python' PIP_FLAGS='$(PIP_FLAGS)' tests/other_blenders.sh
 
 gui: install
 	BLENDER='$(BLENDER)' PYTHON='$(BIN)/python' tests/gui/run.sh build/gui
