@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
+from bpy.app.translations import pgettext_tip as tip_
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
@@ -57,7 +59,8 @@ class WorkerOperator:
             self._call.cancel()
         if event.type != "TIMER":
             return {"RUNNING_MODAL"}
-        show_progress(context, f"{self.bl_label}: {self._call.stage}", self._call.progress)
+        label = iface_(self.bl_label, "Operator")
+        show_progress(context, f"{label}: {iface_(self._call.stage)}", self._call.progress)
         if not self._call.done:
             return {"RUNNING_MODAL"}
         end_modal(self, context)
@@ -100,13 +103,13 @@ def end_modal(operator: bpy.types.Operator, context: bpy.types.Context) -> None:
 def show_progress(context: bpy.types.Context, text: str, share: float) -> None:
     """Show what is being done and how much of it is, in [0, 1]."""
     context.window_manager.progress_update(int(100 * share))
-    context.workspace.status_text_set(f"{text} · {share:.0%} · Esc to stop")
+    context.workspace.status_text_set(f"{iface_(text)} · {share:.0%} · {iface_('Esc to stop')}")
 
 
 def allowed(operator: type, condition: bool, why_not: str) -> bool:
     """The answer of a poll; where it is no, a greyed button says why."""
     if not condition:
-        operator.poll_message_set(why_not)
+        operator.poll_message_set(tip_(why_not))
     return condition
 
 

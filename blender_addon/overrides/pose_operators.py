@@ -1,12 +1,16 @@
 """Holding a pose, and letting it move again."""
 
 import bpy
+from bpy.app.translations import pgettext_tip as tip_
 from bpy.props import BoolProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
 from ..worker_operator import Result, allowed, failed
 from .key_history import POSE_PATH, key_from
+
+HOLDING = "Keep the pose of this frame from here on, wherever the object goes (keys Held)"
+FREEING = "Let the limbs move as the model predicts from here on (keys Free)"
 
 
 class PLAYABLE_OT_hold_pose(bpy.types.Operator):
@@ -25,8 +29,8 @@ class PLAYABLE_OT_hold_pose(bpy.types.Operator):
         cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties
     ) -> str:
         if properties.hold:
-            return "Keep the pose of this frame from here on, wherever the object goes (keys Held)"
-        return "Let the limbs move as the model predicts from here on (keys Free)"
+            return tip_(HOLDING)
+        return tip_(FREEING)
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:

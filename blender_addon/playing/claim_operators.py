@@ -3,6 +3,7 @@
 import json
 
 import bpy
+from bpy.app.translations import pgettext_tip as tip_
 from bpy.props import EnumProperty, StringProperty
 
 from pe_runtime.contract.errors import ShotError
@@ -21,7 +22,8 @@ def _free_items(_self: object, context: bpy.types.Context | None) -> list[tuple[
     # Kept in the module: Blender does not keep the strings of dynamic items alive.
     target = context.object if context is not None else None
     names = free_names(context.scene, target) if target is not None else []
-    _offered[:] = [(name, name, f"Let it stand for {name}") for name in names]
+    said = tip_("Let it stand for {name}")
+    _offered[:] = [(name, name, said.format(name=name)) for name in names]
     return _offered
 
 

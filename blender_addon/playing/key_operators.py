@@ -1,6 +1,7 @@
 """Keying what playable objects do: by buttons, by number keys, and going from key to key."""
 
 import bpy
+from bpy.app.translations import pgettext_tip as tip_
 from bpy.props import BoolProperty, EnumProperty, IntProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
@@ -60,8 +61,9 @@ class PLAYABLE_OT_do_action(bpy.types.Operator):
     def description(cls, context: bpy.types.Context, properties: object) -> str:
         items = action_items(_names_in(context))
         if properties.action >= len(items):
-            return "The model has no such action"
-        return f"{items[properties.action][1]}: from this frame to the next key"
+            return tip_("The model has no such action")
+        label = items[properties.action][1]
+        return tip_("{action}: from this frame to the next key").format(action=label)
 
     def execute(self, context: bpy.types.Context) -> Result:
         able = [each for each in _players(context) if self.action < len(action_names(each))]
@@ -117,7 +119,7 @@ class PLAYABLE_OT_jump_to_action_key(bpy.types.Operator):
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: object) -> str:
-        return f"Go to the {'next' if properties.forward else 'previous'} action key"
+        return tip_("Go to the next key" if properties.forward else "Go to the previous key")
 
     def execute(self, context: bpy.types.Context) -> Result:
         scene = context.scene

@@ -11,6 +11,7 @@ Without a window they do the same, and what was finished before is not drawn aga
 import json
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 from bpy.props import IntProperty, StringProperty
 
 from ..worker_operator import Result, allowed
@@ -90,8 +91,10 @@ class PLAYABLE_OT_overwrite_frames(bpy.types.Operator):
             self,
             event,
             title="Overwrite Files?",
-            message=f"Files in the frames folder that this job has not rendered, or that were "
-            f"changed since: {self.count}. Rendering would replace them.",
+            message=iface_(
+                "Files in the frames folder that this job has not rendered, or that were changed "
+                "since: {count}. Rendering would replace them."
+            ).format(count=self.count),
             confirm_text="Overwrite",
             icon="WARNING",
         )

@@ -83,13 +83,13 @@ def plan_job(wish: Wish, should_stop: ShouldStop, on_progress: OnProgress) -> Pl
         ForeignFilesError: Files would be lost that this job has not written.
         WorkerError: The worker fails, for example because the model is missing.
     """
-    on_progress("asking the worker", 0, len(wish.takes))
+    on_progress("Asking the worker", 0, len(wish.takes))
     facts = session.facts(wish.whole.model, should_stop)
     digests = {} if wish.unknowable else _asked_digests(wish, should_stop, on_progress)
     manifest = read_manifest(wish.job.folder)
     drawn, foreign = [], []
     for done, frame in enumerate(wish.job.frames):
-        on_progress("comparing", done, len(wish.job.frames))
+        on_progress("Comparing", done, len(wish.job.frames))
         path, note = wish.job.file(frame), manifest.frames.get(frame)
         found = facts_of(path.read_bytes()) if path.is_file() else None
         if found is not None and not _is_ours(found, note, wish.job.id):
@@ -113,7 +113,7 @@ def _asked_digests(wish: Wish, should_stop: ShouldStop, on_progress: OnProgress)
     found: dict[int, str] = {}
     for take in wish.takes:
         found |= _digest(take, wish.whole, should_stop)
-        on_progress("asking the worker", len(found), len(wish.takes))
+        on_progress("Asking the worker", len(found), len(wish.takes))
     return {frame: _sealed(each, wish.settings) for frame, each in found.items()}
 
 

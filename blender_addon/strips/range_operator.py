@@ -4,6 +4,7 @@ import json
 import time
 
 import bpy
+from bpy.app.translations import pgettext_tip as tip_
 from bpy.props import BoolProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
@@ -44,7 +45,7 @@ class RangeOperator:
         cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties
     ) -> str:
         """The tooltip of a button; empty for the class's own."""
-        return EVERYTHING if properties.everything else ""
+        return tip_(EVERYTHING) if properties.everything else ""
 
     def source(self, context: bpy.types.Context) -> bpy.types.Scene:
         """The scene that is rendered.

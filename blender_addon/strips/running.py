@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
 from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.model_facts import ModelFacts
@@ -116,7 +117,7 @@ def run_job(
 def _waiting(call: BackgroundCall) -> Generator[Progress, None, object]:
     try:
         while not call.done:
-            yield Progress(call.stage.capitalize() or "Starting", call.progress)
+            yield Progress(call.stage or "Starting", call.progress)
         return call.result()
     finally:
         call.cancel()
@@ -139,7 +140,10 @@ def _drawing(
         while in_background and idle <= IDLE_TURNS:
             done, count = len(arrivals.placed), len(plan.drawn)
             left = time_left(time.monotonic() - began, done, count)
-            yield Progress(f"Frame {min(done + 1, count)} of {count}{left}", done / count, True)
+            said = iface_("Frame {number} of {count}").format(
+                number=min(done + 1, count), count=count
+            )
+            yield Progress(f"{said}{left}", done / count, True)
             # What Blender ends without a word, as it does for an undo, is over too.
             idle = 0 if bpy.app.is_job_running("RENDER") else idle + 1
             in_background = not arrivals.ended or idle == 0
@@ -152,6 +156,8 @@ def time_left(spent: float, done: int, count: int) -> str:
         return ""
     seconds = spent / done * (count - done)
     if seconds < 90:
-        return f", {max(round(seconds), 1)} s left"
+        return iface_(", {seconds} s left").format(seconds=max(round(seconds), 1))
     minutes = round(seconds / 60)
-    return f", {minutes} min left" if minutes < 90 else f", {minutes / 60:.1f} h left"
+    if minutes < 90:
+        return iface_(", {minutes} min left").format(minutes=minutes)
+    return iface_(", {hours} h left").format(hours=f"{minutes / 60:.1f}")
