@@ -5,7 +5,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from pe_runtime.contract.errors import PlayableEnvironmentError
 from pe_runtime.demo.contact_sheet import Cell, write_contact_sheet
 from pe_runtime.demo.film import FRAMES, DemoOptions, film_in_blender, spec_of
 from pe_runtime.environment import MODELS
@@ -35,10 +34,8 @@ def run_passing_cube(
     """
     out = Path(out).resolve()
     out.mkdir(parents=True, exist_ok=True)
-    if strangers := [each for each in out.iterdir() if each.name in ("before", "after")]:
-        raise PlayableEnvironmentError(
-            f"{strangers[0]} is there already; remove it, or choose another folder"
-        )
+    for old in out.glob("*/frame_*.png"):
+        old.unlink()
     start = start_from_clip(options.clip or MODELS / "duel_clip")
     spec = spec_of(out, options, start, {}) | {"camera_move": {}}
     spec |= dict(zip(("width", "height"), options.size or SIZE, strict=True))
