@@ -40,17 +40,37 @@ def look(
     return (Rect(0, 0, *size), whole) if exact is None else seen_of_frame(exact, whole)
 
 
+def is_covered(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bool:
+    """Whether Blender draws a background picture of the camera over whatever an engine draws."""
+    space = context.space_data
+    if context.region_data.view_perspective != "CAMERA" or not space.overlay.show_overlays:
+        return False
+    holder = _holder(space, depsgraph)
+    return (
+        holder is not None
+        and holder.data.show_background_images
+        and any(each.show_background_image for each in holder.data.background_images)
+    )
+
+
+def _holder(
+    space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph
+) -> bpy.types.Object | None:
+    """The evaluated camera that a camera view looks through; None if it is something else."""
+    holder = depsgraph.scene_eval.camera
+    if space.use_local_camera and space.camera is not None:
+        holder = space.camera.evaluated_get(depsgraph)
+    return holder if holder is not None and holder.type == "CAMERA" else None
+
+
 def _exact_camera(
     space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph, environment_from_world: np.ndarray
 ) -> Camera | None:
     """The camera of the render; None where the view looks through something else than one."""
-    scene = depsgraph.scene_eval
-    holder = scene.camera
-    if space.use_local_camera and space.camera is not None:
-        holder = space.camera.evaluated_get(depsgraph)
-    if holder is None or holder.type != "CAMERA":
+    holder = _holder(space, depsgraph)
+    if holder is None:
         return None
-    lens = lens_of(holder.data, scene.render)
+    lens = lens_of(holder.data, depsgraph.scene_eval.render)
     return camera_from_blender(
         lens, environment_from_world @ np.array(holder.matrix_world, np.float64)
     )

@@ -74,10 +74,23 @@ def _take_at(bake: Bake, frame: int, tracks: dict[str, TrackMoment], matrix: np.
     # Beyond the baked range, and where actions have changed since, objects stand where they are
     # in the nearest baked pose: a preview need not refuse that.
     nearest = min(max(frame, shot.frame_start), shot.frame_end)
-    standing = {name: dataclasses.replace(each, action=None) for name, each in tracks.items()}
+    standing = {name: _standing(each, nearest) for name, each in tracks.items()}
     eye = shot.camera_at(nearest)
     moment = Moment(nearest, eye, matrix, standing)
     return take_of_moment(bake, moment, shot.fps, Output(eye.width, eye.height, QUALITY))
+
+
+def _standing(track: TrackMoment, frame: int) -> TrackMoment:
+    """An object as it stands, whatever it does; a pose can be held since this frame at the latest.
+
+    Args:
+        track: At the scene's frame.
+        frame: The baked frame that is nearest to it.
+    """
+    override = track.override
+    if override.held_since is not None:
+        override = dataclasses.replace(override, held_since=min(override.held_since, frame))
+    return dataclasses.replace(track, action=None, override=override)
 
 
 def _bake_at_rest(scene: bpy.types.Scene, names: tuple[str, ...]) -> Bake:

@@ -13,12 +13,15 @@ from pe_runtime.contract.errors import PlayableEnvironmentError
 from ..session import session
 from .desk import Desk, Shown, Wish
 from .drawing_thread import Drawer
-from .looking import look
+from .looking import is_covered, look
 from .subject import Subject, read_subject
 from .view_camera import Rect
 
 UNSEEN_SECONDS = 3.0
 """A viewport that has not drawn its news for so long is gone or hidden."""
+COVERED_MESSAGE = (
+    "The camera's background picture covers the preview; switch it off in the camera's properties"
+)
 RENDERING_MESSAGE = "Rendering; the preview goes on afterwards"
 
 
@@ -31,6 +34,7 @@ class Viewport:
         self.rendering = False
         self._subject: Subject | None = None
         self._reason = ""
+        self._covered = False
         self._drawn: Shown | None = None
         self._drawn_words = ""
         self._news_since: float | None = None
@@ -55,6 +59,7 @@ class Viewport:
 
         scene, region = depsgraph.scene, context.region
         rect = self._look(engine, context, depsgraph)
+        self._covered = is_covered(context, depsgraph)
         shown, words = self.desk.shown, self.words
         if rect is not None and shown is not None:
             if self._texture is None or self._drawn is not shown:
@@ -73,7 +78,7 @@ class Viewport:
             return RENDERING_MESSAGE
         if session.doing and self.desk.has_more:
             return f"{session.doing}..."
-        return ""
+        return COVERED_MESSAGE if self._covered else ""
 
     @property
     def has_news(self) -> bool:

@@ -14,7 +14,8 @@ from blender_addon.bake import bake_of  # noqa: E402
 from blender_addon.preview.desk import Desk  # noqa: E402
 from blender_addon.preview.drawing_thread import STOPPED_MESSAGE, Drawer  # noqa: E402
 from blender_addon.preview.subject import read_subject  # noqa: E402
-from blender_addon.preview.viewport import Viewport  # noqa: E402
+from blender_addon.preview.view_camera import PERSPECTIVE_NEEDED  # noqa: E402
+from blender_addon.preview.viewport import COVERED_MESSAGE, Viewport  # noqa: E402
 from blender_addon.scene_bridge import playable_objects, read_moment  # noqa: E402
 from pe_runtime.contract.errors import ShotError  # noqa: E402
 
@@ -157,6 +158,113 @@ def test_stopping_the_runtime_does_not_start_it_again_behind_the_users_back(envi
     assert desk.failure == STOPPED_MESSAGE
     drawer.go_on()
     assert not drawer.works and addon.worker_pid is None
+
+
+def test_a_held_pose_is_held_at_rest_and_beyond_the_bake_too(environment, addon):
+    player = playable_objects(environment)["player_1"]
+    for frame, pose in ((1, "FREE"), (3, "HELD")):
+        player.playable.overrides.pose = pose
+        player.keyframe_insert("playable.overrides.pose", frame=frame)
+    assert subject_of(environment, 10).take.track("player_1").poses == ()
+    drawn(addon, subject_of(environment, 10))
+    bpy.ops.playable.bake_paths()
+    held = subject_of(environment, 4).take.track("player_1").poses
+    assert [(key.frame, key.held) for key in held] == [(4, 3)]
+    assert np.array_equal(
+        drawn(addon, subject_of(environment, 10)), drawn(addon, subject_of(environment, 4))
+    )
+
+
+class TestDrawing:
+    """A viewport without a window: what it would draw, and where."""
+
+    @pytest.fixture
+    def drawn_things(self, monkeypatch):
+        from blender_addon.preview import drawing
+
+        things = []
+        monkeypatch.setattr(drawing, "texture_of", lambda rgb: rgb)
+        monkeypatch.setattr(
+            drawing, "draw_texture", lambda *given: things.append(("picture", given[2], given[3]))
+        )
+        monkeypatch.setattr(drawing, "draw_words", lambda words, *_: things.append(words))
+        return things
+
+    def context_of(self, scene, perspective="CAMERA", size=(96, 54)):
+        depsgraph = scene.view_layers[0].depsgraph
+        camera = scene.camera.evaluated_get(depsgraph)
+        return SimpleNamespace(
+            region=SimpleNamespace(width=size[0], height=size[1]),
+            region_data=SimpleNamespace(
+                view_perspective=perspective,
+                window_matrix=camera.calc_matrix_camera(depsgraph, x=size[0], y=size[1]),
+                view_matrix=camera.matrix_world.inverted(),
+            ),
+            space_data=SimpleNamespace(
+                use_local_camera=False, camera=None, overlay=SimpleNamespace(show_overlays=True)
+            ),
+            preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
+        )
+
+    def draw(self, viewport, scene, perspective="CAMERA", pixel_size=1):
+        depsgraph = scene.view_layers[0].depsgraph
+        engine = SimpleNamespace(get_preview_pixel_size=lambda _: pixel_size)
+        viewport.read(depsgraph)
+        viewport.draw(engine, self.context_of(scene, perspective), depsgraph)
+        return viewport
+
+    @pytest.mark.parametrize("perspective", ["CAMERA", "PERSP"])
+    def test_the_picture_fills_the_frame(self, environment, addon, drawn_things, perspective):
+        viewport = self.draw(Viewport(), environment, perspective)
+        finished(viewport.drawer, viewport.desk)
+        assert viewport.has_news
+        drawn_things.clear()
+        self.draw(viewport, environment, perspective)
+        ((what, picture, rect),) = drawn_things
+        assert (what, picture.shape) == ("picture", (54, 96, 3))
+        assert (rect.left, rect.top, rect.width, rect.height) == (0, 0, 96, 54)
+        assert not viewport.has_news
+
+    def test_larger_preview_pixels_are_drawn_in_fewer(self, environment, addon, drawn_things):
+        viewport = self.draw(Viewport(), environment, pixel_size=2)
+        assert finished(viewport.drawer, viewport.desk).shape == (27, 48, 3)
+
+    def test_a_view_from_the_side_says_what_to_press_and_recovers(
+        self, environment, addon, drawn_things
+    ):
+        viewport = Viewport()
+        context = self.context_of(environment, "ORTHO")
+        context.region_data.window_matrix = np.diag([0.1, 0.1, -0.01, 1.0])
+        depsgraph = environment.view_layers[0].depsgraph
+        viewport.read(depsgraph)
+        viewport.draw(None, context, depsgraph)
+        assert drawn_things == [PERSPECTIVE_NEEDED] and not viewport.desk.has_more
+        self.draw(viewport, environment)
+        assert viewport.words == "" and viewport.desk.has_more
+
+    def test_a_background_picture_that_covers_it_is_pointed_out(
+        self, environment, addon, drawn_things
+    ):
+        lens = environment.camera.data
+        lens.background_images.new()
+        lens.show_background_images = True
+        environment.view_layers[0].update()
+        viewport = self.draw(Viewport(), environment)
+        finished(viewport.drawer, viewport.desk)
+        assert viewport.words == COVERED_MESSAGE
+        self.draw(viewport, environment, "PERSP")
+        assert viewport.words == ""
+
+    def test_news_that_nobody_draws_end_the_wish(self, environment, monkeypatch, drawn_things):
+        from blender_addon.preview import viewport as module
+
+        viewport, now = self.draw(Viewport(), environment), [0.0]
+        monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+        viewport.note_news()
+        assert viewport.desk.has_more
+        now[0] += module.UNSEEN_SECONDS + 0.1
+        viewport.note_news()
+        assert not viewport.desk.has_more
 
 
 def test_a_viewport_that_is_gone_wants_nothing_any_more(environment):
