@@ -64,7 +64,7 @@ def provenance_of(
         model=facts.name,
         model_digest=facts.digest,
         state=hashlib.sha256(state.encode()).hexdigest() if state else "",
-        shot=bake.shot.digest(),
+        shot=bake.digest,
         camera=", ".join(_cameras(scene, job)),
         quality=settings.quality,
         version=pe_runtime.__version__,
