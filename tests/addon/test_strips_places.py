@@ -249,7 +249,7 @@ def test_the_strip_says_where_it_comes_from(baked, frames, addon):
         "model": "fake",
         "model_digest": addon.facts("fake").digest,
         "state": hashlib.sha256(settings.state_text.as_string().encode()).hexdigest(),
-        "shot": bake_of(settings).shot.digest(),
+        "shot": bake_of(settings).digest,
         "camera": "Main Camera",
         "quality": "exact",
         "version": __import__("pe_runtime").__version__,
