@@ -26,6 +26,15 @@ _LENT = (
     "use_file_extension",
 )
 _LENT_FORMAT = ("file_format", "color_mode", "color_depth", "compression", "color_management")
+_TELLTALES = (
+    "use_stamp_date",
+    "use_stamp_render_time",
+    "use_stamp_frame_range",
+    "use_stamp_memory",
+    "use_stamp_hostname",
+)
+"""What Blender would note in a file and what is another at every run; without it the same pixels
+are the same bytes."""
 _out: set[str] = set()
 """Names of the scenes whose settings are lent just now."""
 
@@ -87,6 +96,8 @@ def _lend(scene: bpy.types.Scene, job: RangeJob, folder: Path) -> None:
         output.media_type = "IMAGE"
     output.file_format, output.color_mode, output.color_depth = "PNG", "RGB", "8"
     output.color_management = "FOLLOW_SCENE"
+    for name in () if render.use_stamp else _TELLTALES:
+        setattr(render, name, False)
     scene.frame_start, scene.frame_end = job.frame_start, job.frame_end
     # Each pass costs as much as the picture or more, and a PNG holds none.
     if not composites(scene):
@@ -99,7 +110,7 @@ def _kept(scene: bpy.types.Scene) -> dict:
     formats = (("media_type",) if hasattr(output, "media_type") else ()) + _LENT_FORMAT
     return {
         "format": {name: getattr(output, name) for name in formats},
-        "render": {name: getattr(render, name) for name in _LENT},
+        "render": {name: getattr(render, name) for name in (*_LENT, *_TELLTALES)},
         "range": {name: getattr(scene, name) for name in ("frame_start", "frame_end")},
     }
 

@@ -75,6 +75,11 @@ def test_two_halves_of_a_range_give_the_files_of_one_run(baked, tmp_path, mode):
     assert [ended(each)[0] for each in runs] == [0, 0, 0]
     halves, whole = pixels(tmp_path / "halves"), pixels(tmp_path / "whole")
     assert len(whole) == COUNT and same(halves, whole)
+    if mode == "once":
+        files = {path.name: path.read_bytes() for path in (tmp_path / "whole").glob("*.png")}
+        assert files == {
+            path.name: path.read_bytes() for path in (tmp_path / "halves").glob("*.png")
+        }
     assert not all(np.array_equal(whole["frame_0001.png"], each) for each in whole.values())
 
 
