@@ -44,6 +44,9 @@ def _bakes_start_from_states(scene: bpy.types.Scene) -> None:
     for name in STORED_DEFAULTS:
         # What later versions take for granted must not change what this scene looks like.
         setattr(settings, name, getattr(settings, name))
+    for each in scene.objects:
+        if each.playable.is_playable and each.is_editable:
+            each.playable.overrides.persist()
     if settings.bake_text is None:
         return
     try:

@@ -82,6 +82,8 @@ def test_migrating_keeps_keys_and_paths_and_makes_the_bake_start_from_its_state(
     }
     stored = json.loads(scene.playable_environment.bake_text.as_string())
     assert stored["shot"]["start"]["image"] is None
+    # What is stored can be changed in a library override of the file.
+    assert players["player_1"].playable.is_property_set("overrides")
     assert migrate(scene) == ""
 
 
