@@ -4,6 +4,7 @@ import json
 from functools import lru_cache
 
 import bpy
+from bpy.app.translations import pgettext_tip as tip_
 from bpy.props import EnumProperty, IntProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
@@ -77,11 +78,8 @@ class PLAYABLE_OT_match_camera(WorkerOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         placed = len(context.scene.playable_environment.framing.placed_points())
-        return allowed(
-            cls,
-            placed >= FEWEST,
-            f"Place {FEWEST} or more points of the ground first; there are {placed}",
-        )
+        said = tip_("Place {count} or more points of the ground first; there are {placed}")
+        return allowed(cls, placed >= FEWEST, said.format(count=FEWEST, placed=placed))
 
     def task(self, context: bpy.types.Context) -> Task:
         name, scene = context.scene.name, context.scene

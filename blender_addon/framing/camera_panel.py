@@ -1,6 +1,7 @@
 """Step 2 of the environment panel: which camera saw the picture."""
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
 from .backdrop import shown_size
 from .cameras import has_shape, matched_camera
@@ -72,9 +73,15 @@ def _draw_residual(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if size is not None and matched_camera(scene, size) is None:
         layout.label(text="Points have moved: match again", icon="FILE_REFRESH")
     elif framing.residual > GOOD_RESIDUAL:
-        layout.label(text=f"Residual {framing.residual:.2f} px: check points", icon="ERROR")
+        said = iface_("Residual {pixels} px: check points").format(pixels=_pixels(framing.residual))
+        layout.label(text=said, icon="ERROR", translate=False)
     else:
-        layout.label(text=f"Residual {framing.residual:.2f} px", icon="CHECKMARK")
+        said = iface_("Residual {pixels} px").format(pixels=_pixels(framing.residual))
+        layout.label(text=said, icon="CHECKMARK", translate=False)
+
+
+def _pixels(number: float) -> str:
+    return f"{number:.2f}"
 
 
 def _icon_of(point: bpy.types.PropertyGroup) -> str:

@@ -4,6 +4,7 @@ import textwrap
 from collections.abc import Sequence
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
@@ -95,9 +96,12 @@ def _draw_facts(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, w
         layout.operator("playable.load_model", icon="IMPORT")
         return
     column = layout.column(align=True)
-    column.label(text=f"{columns} x {rows}, {settings.steps_per_second:g} steps a second")
+    steps = f"{settings.steps_per_second:g}"
+    said = iface_("{size}, {steps} steps a second").format(size=f"{columns} x {rows}", steps=steps)
+    column.label(text=said, translate=False)
     if settings.licence:
-        wrapped(column, f"Weights: {settings.licence}", "NONE", width)
+        terms = iface_("Weights: {licence}").format(licence=settings.licence)
+        wrapped(column, terms, "NONE", width)
 
 
 def _draw_strip(layout: bpy.types.UILayout, edits: Sequence[bpy.types.Scene]) -> None:
@@ -105,7 +109,8 @@ def _draw_strip(layout: bpy.types.UILayout, edits: Sequence[bpy.types.Scene]) ->
         shown = frame_under_playhead(edits)
     except PlayableEnvironmentError:
         return
-    layout.label(text=f"{shown.strip.name}, frame {shown.frame}", icon="SEQUENCE")
+    said = iface_("{strip}, frame {frame}").format(strip=shown.strip.name, frame=shown.frame)
+    layout.label(text=said, icon="SEQUENCE", translate=False)
 
 
 def _draw_warnings(layout: bpy.types.UILayout, seen: FramedPicture | None, width: int) -> None:
@@ -136,7 +141,7 @@ def wrapped(layout: bpy.types.UILayout, text: str, icon: str, width: int) -> Non
     """A label of several lines; labels themselves end where the panel does."""
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for number, line in enumerate(textwrap.wrap(text, width)):
+    for number, line in enumerate(textwrap.wrap(iface_(text), width)):
         column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else icon)
 
 

@@ -7,6 +7,7 @@ back. Settings follow every move of the mouse, so that the overlay shows what is
 import math
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 from bpy.props import FloatVectorProperty, IntProperty, StringProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
@@ -168,10 +169,11 @@ class PLAYABLE_OT_draw_boxes(PictureTool, bpy.types.Operator):
         _write_boxes(scene, self._before)
 
     def hint(self) -> str:
-        return (
-            f"{self._tool.current}: drag a box around it, down to its feet · Tab: next · "
-            "X: not in the picture · Enter: done · Esc: cancel"
+        said = iface_(
+            "{name}: drag a box around it, down to its feet · Tab: next · X: not in the picture · "
+            "Enter: done · Esc: cancel"
         )
+        return said.format(name=self._tool.current)
 
 
 class PLAYABLE_OT_place_ground_points(PictureTool, bpy.types.Operator):
@@ -236,11 +238,11 @@ class PLAYABLE_OT_place_ground_points(PictureTool, bpy.types.Operator):
         _write_points(scene.playable_environment.framing, self._before)
 
     def hint(self) -> str:
-        number = self._tool.active + 1
-        return (
-            f"Point {number}: click where the picture shows it, drag to correct · Tab: next · "
+        said = iface_(
+            "Point {number}: click where the picture shows it, drag to correct · Tab: next · "
             "X: remove · Enter: done · Esc: cancel"
         )
+        return said.format(number=self._tool.active + 1)
 
 
 def _elsewhere(area: bpy.types.Area, event: bpy.types.Event) -> bool:

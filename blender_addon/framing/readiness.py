@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
@@ -89,12 +90,13 @@ def _about_camera(scene: bpy.types.Scene) -> str:
 def _about_points(framing: bpy.types.PropertyGroup) -> str:
     placed = [each for each in framing.points if each.is_placed]
     if len(placed) < FEWEST:
-        return f"Place {FEWEST} or more points of the ground"
+        return iface_("Place {count} or more points of the ground").format(count=FEWEST)
     taken = {}
     for each in placed:
         other = taken.setdefault(tuple(each.place), each)
         if other != each:
-            return f"Say where {each.name} lies on the ground; {other.name} lies there already"
+            said = iface_("Say where {point} lies on the ground; {other} lies there already")
+            return said.format(point=each.name, other=other.name)
     return ""
 
 
@@ -107,5 +109,6 @@ def _about_objects(settings: bpy.types.PropertyGroup) -> str:
         try:
             inside(name, box, size)
         except PlayableEnvironmentError:
-            return f"Draw the box of {name} again: it is empty or outside of the picture"
+            said = iface_("Draw the box of {name} again: it is empty or outside of the picture")
+            return said.format(name=name)
     return ""

@@ -4,6 +4,7 @@ import atexit
 import sys
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 from bpy.props import EnumProperty, StringProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
@@ -74,7 +75,7 @@ class PLAYABLE_OT_set_up_runtime(bpy.types.Operator):
         except PlayableEnvironmentError as error:
             show_lines(layout, wrapped(str(error)), "ERROR")
         else:
-            show_lines(layout, question_lines(plan))
+            show_lines(layout, question_lines(plan, iface_))
             if offers_choice():
                 layout.prop(self, "processor", expand=True)
                 layout.label(text=processor_hint(plan), icon="INFO")
@@ -177,7 +178,9 @@ class PLAYABLE_OT_remove_runtime(bpy.types.Operator):
             self,
             event,
             title="Remove the Runtime?",
-            message=f"{private_folder() / ENVIRONMENT} will be deleted",
+            message=iface_("{folder} will be deleted").format(
+                folder=private_folder() / ENVIRONMENT
+            ),
             confirm_text="Remove",
         )
 

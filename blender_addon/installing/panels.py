@@ -3,6 +3,7 @@
 import os
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
 from ..panel import PlayablePanel
 from ..runtime_python import find_python
@@ -52,16 +53,17 @@ def draw_way_to_a_runtime(layout: bpy.types.UILayout) -> None:
     if installation.sets_up:
         draw_progress(layout)
         return
-    show_lines(layout, wrapped(WAY, PANEL_CHARACTERS), "INFO")
+    show_lines(layout, wrapped(iface_(WAY), PANEL_CHARACTERS), "INFO")
     layout.operator("playable.set_up_runtime", icon="IMPORT")
-    show_lines(layout, wrapped(set_up_refusal(), PANEL_CHARACTERS), "ERROR")
+    show_lines(layout, wrapped(iface_(set_up_refusal()), PANEL_CHARACTERS), "ERROR")
     preferences = layout.operator("preferences.addon_show", text="Preferences", icon="PREFERENCES")
     preferences.module = ADDON
 
 
 def draw_worker(layout: bpy.types.UILayout) -> None:
     """Show what the worker does."""
-    words = worker_words(session.status, session.doing, session.device, session.error)
+    now = session.status, session.doing, session.device, session.error
+    words = worker_words(*now, iface_)
     row = layout.row(align=True)
     row.label(text=words.title, icon=words.icon)
     row.operator("playable.stop_worker", text="", icon="CANCEL")

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 from bpy.props import StringProperty
 
 from .. import session
@@ -60,7 +61,7 @@ class PlayableEnvironmentPreferences(bpy.types.AddonPreferences):
 
 def draw_state(layout: bpy.types.UILayout) -> None:
     """Show how the runtime is, in words."""
-    words = words_of(installation.state)
+    words = words_of(installation.state, iface_)
     row = layout.row()
     row.label(text=words.title, icon=words.icon)
     row.operator("playable.check_runtime", text="", icon="FILE_REFRESH")
@@ -78,10 +79,12 @@ def draw_set_up(layout: bpy.types.UILayout) -> None:
     row.operator("playable.set_up_runtime", icon="IMPORT")
     row.operator("playable.remove_runtime", text="Remove", icon="TRASH")
     why_not = set_up_refusal()
-    show_lines(column, wrapped(why_not), "INFO")
+    show_lines(column, wrapped(iface_(why_not)), "INFO")
     if why_not and bundled_wheel(FOLDER) and not bpy.app.online_access_override:
         column.operator("extensions.userpref_show_online", text="Show the Setting")
-    show_lines(column, wrapped(installation.said), "ERROR" if installation.failed else "INFO")
+    show_lines(
+        column, wrapped(iface_(installation.said)), "ERROR" if installation.failed else "INFO"
+    )
     show_lines(column, installation.log, "BLANK1")
 
 
@@ -89,7 +92,7 @@ def draw_progress(layout: bpy.types.UILayout) -> None:
     """Show a set-up under way, and how to end it."""
     stage, share = installation.progress
     row = layout.row(align=True)
-    row.progress(text=f"{stage} · {share:.0%}", factor=share)
+    row.progress(text=f"{iface_(stage)} · {share:.0%}", factor=share)
     row.operator("playable.cancel_set_up", text="", icon="CANCEL")
 
 

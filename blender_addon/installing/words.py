@@ -1,6 +1,7 @@
 """What is said about the runtime: its state, the question before a set-up, refusals. No `bpy`."""
 
 import textwrap
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import pe_runtime
@@ -20,10 +21,10 @@ ICONS = {
     BROKEN: "ERROR",
 }
 ORIGINS = {
-    VARIABLE: f"named by the environment variable {VARIABLE}",
-    CHOSEN: "chosen in the preferences",
-    PRIVATE: "set up by this add-on",
-    OWN: "Blender's own",
+    VARIABLE: "Python: {python} (named by the environment variable {variable})",
+    CHOSEN: "Python: {python} (chosen in the preferences)",
+    PRIVATE: "Python: {python} (set up by this add-on)",
+    OWN: "Python: {python} (Blender's own)",
 }
 ALLOW_ONLINE = (
     "Setting up downloads files, and Blender's online access is off; "
@@ -38,6 +39,8 @@ NO_WHEEL = (
     "`pe extension build` makes, or choose a Python that has playable-environments"
 )
 SETTING_UP = "The runtime is being set up"
+Translate = Callable[[str], str]
+"""A sentence in another language; `str` leaves it as it is."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +52,11 @@ class Words:
     lines: tuple[str, ...] = ()
 
 
-def words_of(state: RuntimeState) -> Words:
+def words_of(state: RuntimeState, translate: Translate = str) -> Words:
     """The state of the runtime, for people."""
-    lines = () if not state.python else wrapped(_whereabouts(state))
-    return Words(ICONS[state.kind], _title(state), (*wrapped(_advice(state)), *lines))
+    advice = wrapped(translate(_advice(state)))
+    lines = () if not state.python else wrapped(_whereabouts(state, translate))
+    return Words(ICONS[state.kind], _title(state, translate), (*advice, *lines))
 
 
 def short_words(state: RuntimeState) -> str:
@@ -60,7 +64,9 @@ def short_words(state: RuntimeState) -> str:
     return _title(state)
 
 
-def worker_words(status: str, doing: str, device: str, error: str) -> Words:
+def worker_words(
+    status: str, doing: str, device: str, error: str, translate: Translate = str
+) -> Words:
     """The worker, for the panel.
 
     Args:
@@ -68,24 +74,27 @@ def worker_words(status: str, doing: str, device: str, error: str) -> Words:
         doing: As `Session.doing`.
         device: What the loaded model computes on; empty: none is loaded.
         error: As `Session.error`.
+        translate: Into the language of the interface.
     """
     if error:
         return Words("ERROR", "The worker failed", wrapped(error.splitlines()[0], PANEL_CHARACTERS))
     if doing or status in ("busy", "starting"):
         return Words("SORTTIME", doing or ("Drawing" if status == "busy" else "Starting"))
     if status == "ready":
-        return Words("CHECKMARK", f"Ready on {device}" if device else "Ready")
+        on_device = translate("Ready on {device}").format(device=device)
+        return Words("CHECKMARK", on_device if device else "Ready")
     return Words("CONSOLE", "Starts when it is needed")
 
 
-def question_lines(plan: SetUpPlan) -> tuple[str, ...]:
+def question_lines(plan: SetUpPlan, translate: Translate = str) -> tuple[str, ...]:
     """What somebody must know before agreeing to a set-up."""
-    cost = plan.cost
+    download, disk = size_in_words(plan.cost.download), size_in_words(plan.cost.disk)
+    sources = f" {translate('and')} ".join(plan.sources)
     return (
-        *wrapped(f"Folder: {plan.environment}"),
-        *wrapped(f"Made of: {plan.base_python}"),
-        f"Download: about {size_in_words(cost.download)} from {' and '.join(plan.sources)}",
-        f"Disk: about {size_in_words(cost.disk)} while it is set up",
+        *wrapped(translate("Folder: {folder}").format(folder=plan.environment)),
+        *wrapped(translate("Made of: {python}").format(python=plan.base_python)),
+        translate("Download: about {size} from {sources}").format(size=download, sources=sources),
+        translate("Disk: about {size} while it is set up").format(size=disk),
         "It takes some minutes, in which you can go on working",
         "Blender itself and your other add-ons are not touched",
     )
@@ -121,22 +130,28 @@ def wrapped(text: str, characters: int = LINE_CHARACTERS) -> tuple[str, ...]:
     return tuple(line for part in text.splitlines() for line in textwrap.wrap(part, characters))
 
 
-def _title(state: RuntimeState) -> str:
+def _title(state: RuntimeState, translate: Translate = str) -> str:
+    ready = translate("Ready: version {version} on {device}")
     titles = {
         UNKNOWN: "Not checked yet",
         CHECKING: "Checking the runtime",
-        READY: f"Ready: version {state.version} on {state.device}",
+        READY: ready.format(version=state.version, device=state.device),
         MISSING: "There is no runtime in this Python" if state.python else "No runtime yet",
-        WRONG_VERSION: f"Wrong version: {_versions(state)}",
+        WRONG_VERSION: _versions(state, translate),
         BROKEN: "The runtime cannot start",
     }
     return titles[state.kind]
 
 
-def _versions(state: RuntimeState) -> str:
-    if state.version == pe_runtime.__version__:
-        return f"the runtime is another build of {state.version} than this add-on"
-    return f"the runtime is {state.version}, this add-on needs {pe_runtime.__version__}"
+def _versions(state: RuntimeState, translate: Translate) -> str:
+    needed = pe_runtime.__version__
+    if state.version == needed:
+        said = translate(
+            "Wrong version: the runtime is another build of {version} than this add-on"
+        )
+    else:
+        said = translate("Wrong version: the runtime is {version}, this add-on needs {needed}")
+    return said.format(version=state.version, needed=needed)
 
 
 def _advice(state: RuntimeState) -> str:
@@ -151,6 +166,6 @@ def _advice(state: RuntimeState) -> str:
     return ""
 
 
-def _whereabouts(state: RuntimeState) -> str:
-    origin = ORIGINS.get(state.origin, "")
-    return f"Python: {state.python}" + (f" ({origin})" if origin else "")
+def _whereabouts(state: RuntimeState, translate: Translate) -> str:
+    said = translate(ORIGINS.get(state.origin, "Python: {python}"))
+    return said.format(python=state.python, variable=VARIABLE)

@@ -3,6 +3,7 @@
 import textwrap
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
 from ..panel import PlayablePanel
 from .problems import problems_of
@@ -26,7 +27,7 @@ class PLAYABLE_PT_problems(PlayablePanel, bpy.types.Panel):
         for problem in problems_of(context.scene):
             column = self.layout.column(align=True)
             icon = "ERROR"
-            for line in textwrap.wrap(problem, LABEL_WIDTH):
+            for line in textwrap.wrap(iface_(problem), LABEL_WIDTH):
                 column.label(text=line, icon=icon)
                 icon = "BLANK1"
 

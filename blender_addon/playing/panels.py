@@ -3,6 +3,7 @@
 import textwrap
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
 from pe_runtime.contract.errors import ShotError
 
@@ -71,7 +72,8 @@ class PLAYABLE_PT_paths(PlayablePanel, bpy.types.Panel):
             _draw_lines(layout, note, "INFO" if note == UPDATING else "ERROR")
         for name in left_out(scene) if scene.playable_environment.root is not None else ():
             row = layout.row(align=True)
-            row.label(text=f"{name} has no Empty and rests", icon="INFO")
+            said = iface_("{name} has no Empty and rests").format(name=name)
+            row.label(text=said, icon="INFO", translate=False)
             row.operator("playable.bring_back").object_name = name
         for text in action_warnings(scene):
             _draw_lines(layout, text, "ERROR")
@@ -85,7 +87,9 @@ def _draw_claims(
         return
     column = layout.column(align=True)
     column.alert = True
-    _draw_lines(column, f"{others[0]} stands for {target.playable.object_name} too", "ERROR")
+    said = iface_("{other} stands for {name} too")
+    said = said.format(other=others[0], name=target.playable.object_name)
+    _draw_lines(column, said, "ERROR")
     if free_names(scene, target):
         column.operator_menu_enum("playable.stand_for", "object_name")
     column.operator("playable.make_not_playable")
@@ -117,15 +121,21 @@ def _draw_keys(layout: bpy.types.UILayout, target: bpy.types.Object, frame: int)
 
 
 def _draw_bake(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+    settings = scene.playable_environment
+    if settings.root is not None and settings.bake_text is None:
+        layout.label(text="Nothing is baked yet", icon="INFO")
+        return
     try:
-        shot = bake_of(scene.playable_environment).shot
-        layout.label(text=f"Baked: frames {shot.frame_start} to {shot.frame_end}")
+        shot = bake_of(settings).shot
+        said = iface_("Baked: frames {first} to {last}")
+        said = said.format(first=shot.frame_start, last=shot.frame_end)
+        layout.label(text=said, translate=False)
     except ShotError as reason:
         layout.label(text=str(reason).partition(";")[0].capitalize(), icon="INFO")
 
 
 def _draw_lines(layout: bpy.types.UILayout, text: str, icon: str) -> None:
-    for line in textwrap.wrap(text, LABEL_WIDTH):
+    for line in textwrap.wrap(iface_(text), LABEL_WIDTH):
         layout.label(text=line, icon=icon)
         icon = "BLANK1"
 
