@@ -253,6 +253,8 @@ def test_blender_installs_the_extension_and_registers_its_operators(capsys, tmp_
         "module = 'bl_ext.user_default.playable_environments'\n"
         "assert addon_utils.check(module) == (True, True)\n"
         "assert bpy.ops.playable.bake_paths.idname() == 'PLAYABLE_OT_bake_paths'\n"
+        # Blender 4.5 waits for ever at the end of a program with operators registered.
+        "import os; os._exit(0)\n"
     )
     command = [sys.executable, "-c", program, made["file"]]
     # Must be in place before bpy is imported: else it installs into the user's own Blender.

@@ -207,6 +207,8 @@ bpy.ops.extensions.package_uninstall(repo_index=repository, pkg_id="playable_env
 assert not hasattr(bpy.types.Scene, "playable_environment")
 assert not [name for name in sys.modules if name.startswith(MODULE)]
 assert not os.path.exists(user), os.listdir(user)
+sys.stdout.flush()
+os._exit(0)  # Blender 4.5 may wait for ever where it should end
 """
 
 
