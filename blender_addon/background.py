@@ -1,10 +1,13 @@
 """A call that runs in a thread while Blender stays alive. No `bpy` here."""
 
 import threading
+import time
 from collections.abc import Callable
 
 from .worker_client import OnProgress, ShouldStop
 
+PATIENCE_SECONDS = 0.3
+"""How long a call that was cancelled may take to end before nobody waits for it any more."""
 Work = Callable[[ShouldStop, OnProgress], object]
 
 
@@ -21,6 +24,7 @@ class BackgroundCall:
         self.stage, self.progress = "", 0.0
         self._work = work
         self._cancelled = threading.Event()
+        self._cancelled_at = 0.0
         self._result: object = None
         self._error: BaseException | None = None
         self._thread = threading.Thread(target=self._run, daemon=True, name="playable call")
@@ -31,9 +35,22 @@ class BackgroundCall:
         """Whether it has ended, one way or another."""
         return not self._thread.is_alive()
 
+    @property
+    def cancelled(self) -> bool:
+        """Whether it was asked to give up."""
+        return self._cancelled.is_set()
+
+    @property
+    def overdue(self) -> bool:
+        """Whether it goes on though it was asked to give up; then its result is not wanted."""
+        waited = time.monotonic() - self._cancelled_at
+        return self.cancelled and not self.done and waited > PATIENCE_SECONDS
+
     def cancel(self) -> None:
-        """Ask it to give up; it still has to be waited for."""
-        self._cancelled.set()
+        """Ask it to give up, which it does soon or is left to itself."""
+        if not self.cancelled:
+            self._cancelled_at = time.monotonic()
+            self._cancelled.set()
 
     def result(self) -> object:
         """Wait, then return what the work returned or raise what it raised."""

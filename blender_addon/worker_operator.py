@@ -11,6 +11,7 @@ from pe_runtime.contract.errors import PlayableEnvironmentError
 
 from .background import BackgroundCall, Work
 from .replies import WorkerCancelledError
+from .session import session
 
 TICK_SECONDS = 0.1
 Result = set[str]
@@ -59,11 +60,15 @@ class WorkerOperator:
             self._call.cancel()
         if event.type != "TIMER":
             return {"RUNNING_MODAL"}
-        label = iface_(self.bl_label, "Operator")
-        show_progress(context, f"{label}: {iface_(self._call.stage)}", self._call.progress)
-        if not self._call.done:
+        call, label = self._call, iface_(self.bl_label, "Operator")
+        stage = iface_(session.doing or call.stage)
+        show_progress(context, f"{label}: {stage}", call.progress)
+        if not call.done and not call.overdue:
             return {"RUNNING_MODAL"}
         end_modal(self, context)
+        if call.cancelled:  # even if it was done by then: nobody wants to see it change the scene
+            self.report({"WARNING"}, f"{self.bl_label} was cancelled")
+            return {"CANCELLED"}
         try:
             self.report({"INFO"}, self._task.finish(self._call.result()))
         except WorkerCancelledError:
