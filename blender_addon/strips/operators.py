@@ -20,7 +20,7 @@ from .placing import StripPlan, place_strip
 from .provenance import provenance_of
 from .range_operator import RangeOperator
 from .running import Outcome
-from .target import leave_sequencer_out, target_of, target_warnings
+from .target import leave_sequencer_out, shadowed, target_of, target_warnings
 
 
 class PLAYABLE_OT_render_to_sequencer(RangeOperator, bpy.types.Operator):
@@ -111,6 +111,11 @@ class PLAYABLE_OT_leave_sequencer_out(bpy.types.Operator):
     bl_idname = "playable.leave_sequencer_out"
     bl_label = "Render the Environment Instead"
     bl_options = {"REGISTER", "UNDO"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        hidden = shadowed(context.scene) != ""
+        return allowed(cls, hidden, "The environment is rendered already")
 
     def execute(self, context: bpy.types.Context) -> Result:
         context.scene.render.use_sequencer = False

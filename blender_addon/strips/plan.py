@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pe_runtime.contract.errors import ShotError
-from pe_runtime.contract.messages import Message
 from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
 
+from .. import questions
 from ..session import session
 from ..worker_client import OnProgress, ShouldStop
 from .job import RangeJob
@@ -112,17 +112,9 @@ def foreign_files(job: RangeJob) -> list[Path]:
 def _asked_digests(wish: Wish, should_stop: ShouldStop, on_progress: OnProgress) -> dict[int, str]:
     found: dict[int, str] = {}
     for take in wish.takes:
-        found |= _digest(take, wish.whole, should_stop)
+        found |= questions.digests(session, take, wish.whole, should_stop)
         on_progress("Asking the worker", len(found), len(wish.takes))
     return {frame: _sealed(each, wish.settings) for frame, each in found.items()}
-
-
-def _digest(take: Shot, whole: Shot, should_stop: ShouldStop) -> dict[int, str]:
-    with session.conversation(whole.model, should_stop) as (client, stop):
-        client.prepare(whole, stop)
-        request = Message("digests", {"shot": take.as_dict(), "take": True})
-        found = client.ask(request, stop).fields["digests"]
-    return {int(frame): each for frame, each in found.items()}
 
 
 def _sealed(digest: str, settings: str) -> str:

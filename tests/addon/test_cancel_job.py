@@ -221,15 +221,30 @@ def test_a_folder_that_cannot_be_written_at_any_moment_is_told_and_the_next_job_
     complete(baked, frames)
 
 
-@pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="needs a user with limits")
-def test_a_read_only_folder_is_told_before_anything_is_drawn(baked, frames):
+def test_a_folder_made_read_only_at_any_moment_is_told_and_the_next_job_works(baked, frames):
     complete(baked, frames)
     frames.chmod(0o555)
-    try:
-        with pytest.raises(RuntimeError, match="cannot write in the frames folder"):
-            render(frames, everything=True)
-    finally:
+    if os.access(frames, os.W_OK):
         frames.chmod(0o755)
+        pytest.skip("nothing is read-only for this user")
+    moments = random.Random(4)
+    for _ in range(MOMENTS):
+        moment = moments.randrange(COUNT)  # 0: before anything is drawn
+        frames.chmod(0o755 if moment else 0o555)
+
+        def forbid(scene, *_, moment=moment):
+            if scene.frame_current == moment:
+                frames.chmod(0o555)
+
+        bpy.app.handlers.render_write.append(forbid)
+        try:
+            with pytest.raises(RuntimeError, match="cannot .*Permission denied"):
+                render(frames, everything=True)
+        finally:
+            bpy.app.handlers.render_write.remove(forbid)
+            frames.chmod(0o755)
+        assert whole_pictures(frames) == COUNT
+        nothing_is_left(baked, frames)
     complete(baked, frames)
 
 
