@@ -61,8 +61,7 @@ def test_a_worker_killed_at_any_moment_leaves_whole_pictures_and_the_next_render
     chance, failed = random.Random(1), 0
     for number in range(MOMENTS):
         folder = tmp_path / str(number)
-        addon.facts("fake")
-        killer = threading.Timer(chance.uniform(0.0, 0.12), _kill, args=(addon.worker_pid,))
+        killer = threading.Timer(chance.uniform(0.0, 0.12), _kill, args=(_worker_of(addon),))
         killer.start()
         try:
             animate(baked, folder)
@@ -73,6 +72,13 @@ def test_a_worker_killed_at_any_moment_leaves_whole_pictures_and_the_next_render
         assert all_whole(pictures(folder), expected)
     assert failed > 0
     assert all_whole(animate(baked, tmp_path / "next"), expected)
+
+
+def _worker_of(addon):
+    addon.facts("fake")
+    while (pid := addon.worker_pid) is None:  # the last one has only just been killed
+        addon.facts("fake")
+    return pid
 
 
 def _kill(pid):
