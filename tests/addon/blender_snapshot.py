@@ -10,7 +10,7 @@ import threading
 from collections import Counter
 
 import bpy
-import psutil
+from addon import running
 
 LIVE = Counter()
 UNLISTED = (
@@ -115,7 +115,7 @@ def _keys():
 
 def _processes():
     yield from (("thread", each.name) for each in threading.enumerate())
-    yield from (("child", tuple(each.cmdline())) for each in psutil.Process().children(True))
+    yield from (("child", command) for command in running.children())
 
 
 def _below(kind):

@@ -6,8 +6,8 @@ import sys
 import threading
 import time
 
-import psutil
 import pytest
+from addon import running
 from addon.stub_runtime import plan_for, write_wheels
 
 from blender_addon.installing import set_up as building
@@ -56,11 +56,7 @@ def left_behind(plan):
     """Folders that should be gone, and programs that should have ended."""
     folders = [path.name for path in plan.folder.iterdir() if path.name[-1:] != "k"]
     known = {plan.environment.name, LOG}
-    programs = []
-    for process in psutil.process_iter(["cmdline"]):
-        if any(str(plan.folder) in word for word in process.info["cmdline"] or ()):
-            programs.append(process.info["cmdline"])
-    return sorted(set(folders) - known), programs
+    return sorted(set(folders) - known), running.mentioning(str(plan.folder))
 
 
 def test_a_runtime_is_set_up_and_takes_the_place_of_one_whose_worker_has_ended(plan, old):

@@ -3,9 +3,11 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
+from addon import running
 from addon.stub_runtime import CARD, HELLO
 
 import pe_runtime
@@ -173,8 +175,6 @@ def test_variables_of_blenders_python_are_kept_from_programs(monkeypatch):
 
 @pytest.mark.skipif(os.name != "posix", reason="reads process states")
 def test_stopping_a_program_ends_its_children_too(tmp_path):
-    import psutil
-
     note = tmp_path / "child"
     program = (
         "import subprocess, sys, time; child = subprocess.Popen([sys.executable, '-c', "
@@ -184,8 +184,10 @@ def test_stopping_a_program_ends_its_children_too(tmp_path):
     with pytest.raises(StoppedError):
         run([sys.executable, "-c", program], Watch(lambda: bool(_text(note))))
     child = int(_text(note))
-    gone = psutil.wait_procs([psutil.Process(child)] if psutil.pid_exists(child) else [], 60)
-    assert not gone[1]
+    end = time.monotonic() + 60
+    while child in running.commands() and time.monotonic() < end:
+        time.sleep(0.05)
+    assert child not in running.commands()
 
 
 def _text(path: Path):
