@@ -35,6 +35,7 @@ from .replies import (
 START_SECONDS = 120.0
 STOP_SECONDS = 5.0
 CANCEL_SECONDS = 20.0
+END_SECONDS = 0.5
 POLL_SECONDS = 0.05
 STDERR_LINES = 40
 PIPE_BYTES = 1 << 20
@@ -321,6 +322,8 @@ class WorkerClient:
             if reply is None:
                 raise self._death(asked)
             if isinstance(reply, WorkerError):
+                if self._ends_by_itself():  # killed while it wrote: its end is the reason
+                    raise self._death(asked) from reply
                 self.kill()
                 raise WorkerError(f"{reply}{self._tail()}") from reply
             yield reply
@@ -346,6 +349,11 @@ class WorkerClient:
             if reply.type in TERMINAL:
                 self._owes_reply, self._foreseen, self._loading = False, None, ""
                 return
+
+    def _ends_by_itself(self) -> bool:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(END_SECONDS)
+        return not self.alive
 
     def _death(self, asked: str) -> WorkerError:
         with contextlib.suppress(subprocess.TimeoutExpired):
