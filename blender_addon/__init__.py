@@ -19,6 +19,7 @@ def _parts() -> tuple:
         session,
         settings,
         strips,
+        translations,
         written_files,
     )
 
@@ -36,6 +37,7 @@ def _parts() -> tuple:
         strips,
         overrides,
         keeping,
+        translations,
     )
 
 

@@ -112,9 +112,12 @@ class PlayableSettings(bpy.types.PropertyGroup):
         items=_items_for,
         default=0,
     )
-    action_names: StringProperty(description="The model's names for the actions, a JSON list")
+    action_names: StringProperty(
+        description="The model's names for the actions, a JSON list", options={"HIDDEN"}
+    )
     action_movements: StringProperty(
         description="Where actions lead: to the right of the camera and ahead, metres a step, JSON",
+        options={"HIDDEN"},
         override={"LIBRARY_OVERRIDABLE"},
     )
     use_mask: BoolProperty(

@@ -127,6 +127,7 @@ class FramingSettings(bpy.types.PropertyGroup):
     camera_mode: EnumProperty(
         name="Camera",
         description="Which camera saw the picture",
+        translation_context="Playable",
         items=CAMERAS,
         options=set(),
         update=_open,
@@ -144,7 +145,9 @@ class FramingSettings(bpy.types.PropertyGroup):
         poll=_is_camera,
     )
     points: CollectionProperty(type=GroundPoint)
-    active_point: IntProperty(name="Active Point", options=set())
+    active_point: IntProperty(
+        name="Active Point", description="The point that the fields below show", options=set()
+    )
     is_lens_known: BoolProperty(
         name="Known Lens",
         description="Keep the field of view instead of finding it: needed where all points are "
@@ -153,6 +156,7 @@ class FramingSettings(bpy.types.PropertyGroup):
     )
     field_of_view: FloatProperty(
         name="Field of View",
+        translation_context="Playable",
         description="How much the camera sees from left to right",
         subtype="ANGLE",
         default=0.8727,

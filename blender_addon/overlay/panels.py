@@ -13,6 +13,7 @@ class PLAYABLE_PT_overlay(PlayablePanel, bpy.types.Panel):
     """What is drawn over the scene in 3D viewports."""
 
     bl_label = "Overlay"
+    bl_translation_context = "Playable"
     bl_idname = "PLAYABLE_PT_overlay"
     bl_order = 4
     bl_options = {"DEFAULT_CLOSED"}

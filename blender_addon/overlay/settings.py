@@ -6,7 +6,14 @@ from bpy.props import BoolProperty, IntProperty
 
 def _switch(name: str, description: str, default: bool = True) -> object:
     # Not animatable: an overlay is for looking, and keys would only clutter the timeline.
-    return BoolProperty(name=name, description=description, default=default, options=set())
+    return BoolProperty(
+        name=name,
+        description=description,
+        # Blender's own catalogue means something else by such words.
+        translation_context="Playable",
+        default=default,
+        options=set(),
+    )
 
 
 class OverlaySettings(bpy.types.PropertyGroup):

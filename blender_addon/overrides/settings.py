@@ -211,7 +211,12 @@ class StyleLibrary(bpy.types.PropertyGroup):
     """On a scene: the looks from other pictures, and how the next one is taken."""
 
     sources: CollectionProperty(type=StyleSource, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"})
-    active: IntProperty(name="Active Style", options=set(), override=OVERRIDABLE)
+    active: IntProperty(
+        name="Active Style",
+        description="The style that Remove Style takes away",
+        options=set(),
+        override=OVERRIDABLE,
+    )
     last_number: IntProperty(options={"HIDDEN"}, override=OVERRIDABLE)
     image_path: StringProperty(
         name="Picture",

@@ -1,0 +1,58 @@
+"""Words of more than one part of the add-on, in German."""
+
+MESSAGES = {
+    "Operator": {
+        "New Playable Environment": "Neue spielbare Umgebung",
+        "Render Everything Again": "Alles neu rendern",
+        "Remove": "Entfernen",
+        "Preferences": "Benutzereinstellungen",
+    },
+    "*": {
+        "Remove": "Entfernen",
+        "Render Everything Again": "Alles neu rendern",
+        "Playable": "Spielbar",
+        "Playable Environment": "Spielbare Umgebung",
+        "Environment": "Umgebung",
+        "Object": "Objekt",
+        "Camera": "Kamera",
+        "Scene": "Szene",
+        "Picture": "Bild",
+        "Model": "Modell",
+        "State": "Zustand",
+        "Box": "Rahmen",
+        "Boxes": "Rahmen",
+        "File": "Datei",
+        "Folder": "Ordner",
+        "Image": "Bild",
+        "Strip": "Streifen",
+        "Place": "Ort",
+        "Pose": "Pose",
+        "Start": "Start",
+        "End": "Ende",
+        "Scene Camera": "Szenenkamera",
+        "Usual Camera": "Übliche Kamera",
+        "The scene's camera, which must match the picture": (
+            "Die Kamera der Szene, die zum Bild passen muss"
+        ),
+        "Which camera saw the picture": "Mit welcher Kamera das Bild aufgenommen wurde",
+        "The playable object": "Das spielbare Objekt",
+        "Empty: the scene's setting": "Leer: die Einstellung der Szene",
+        'Empty: the scene\'s setting. JSON: {"player_1": [left, top, right, bottom]}': (
+            'Leer: die Einstellung der Szene. JSON: {"player_1": [links, oben, rechts, unten]}'
+        ),
+        "Make a New Playable Environment first": "Zuerst eine neue spielbare Umgebung anlegen",
+        "Leave edit or pose mode first": "Zuerst den Bearbeitungs- oder Posenmodus verlassen",
+        "Select a playable Empty first": "Zuerst ein spielbares Empty auswählen",
+        "Nothing is baked yet": "Noch nichts gebacken",
+        "Nothing is baked yet: press Bake Paths": "Noch nichts gebacken: „Pfade backen“ drücken",
+        "The model has no actions for it": "Das Modell hat keine Aktionen dafür",
+        "loading the model": "Modell wird geladen",
+        "looking for players": "Spieler werden gesucht",
+        "encoding": "Bild wird kodiert",
+        "Esc to stop": "Esc bricht ab",
+        "Starting": "Startet",
+        "Drawing": "Zeichnet",
+        "Needs Attention": "Nicht in Ordnung",
+        "Size": "Größe",
+    },
+}
