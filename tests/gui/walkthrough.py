@@ -6,6 +6,7 @@ with 1 and the last picture shows why.
 
 import json
 import os
+import shutil
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,6 +18,7 @@ HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE))
 
 import clip  # noqa: E402 beside this file, which Blender does not look for
+from undoing import undo_and_redo  # noqa: E402
 from window import PAUSE, Window, check, say, tell  # noqa: E402
 
 OUT = Path(os.environ["GUI_PICTURES"])
@@ -46,6 +48,8 @@ def story(window: Window) -> Iterator:
     yield from preview(window)
     yield from render_a_still(window)
     yield from render_to_sequencer(window)
+    yield from go_back(window)
+    yield from undo_and_redo(window, choose, players)
 
 
 def enable(window: Window) -> Iterator:
@@ -87,7 +91,8 @@ def preferences(window: Window) -> Iterator:
 def frame_a_picture(window: Window) -> Iterator:
     """Picture, usual camera and boxes; the overlay shows them on the picture."""
     settings = bpy.context.scene.playable_environment
-    settings.image_path = str(clip.PICTURE)
+    shutil.copy(clip.PICTURE, OUT / "picture.png")
+    settings.image_path = "//picture.png"
     yield from press(window, "load_model")
     yield lambda: len(settings.boxes) == len(clip.BOXES)
     yield from press(window, "show_picture")
@@ -247,6 +252,16 @@ def render_to_sequencer(window: Window) -> Iterator:
     window.picture("video_editing")
     check(len(strips(edit)) == 1, f"there are {len(strips(edit))} strips")
     check(len(strips(edit)[0].elements) == LAST_FRAME, "the strip has another length")
+
+
+def go_back(_window: Window) -> Iterator:
+    """From the cut to the scene and its viewport."""
+    bpy.context.window.workspace = bpy.data.workspaces["Layout"]
+    yield PAUSE
+    bpy.context.window.scene = next(
+        each for each in bpy.data.scenes if each.playable_environment.root is not None
+    )
+    yield PAUSE
 
 
 def addon_module(name: str) -> object:
