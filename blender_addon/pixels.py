@@ -10,6 +10,14 @@ import numpy as np
 
 # What Blender's own engines write where a ray meets nothing; infinity breaks compositor nodes.
 FAR_AWAY = np.float32(1e10)
+TELLTALES = (
+    "use_stamp_date",
+    "use_stamp_render_time",
+    "use_stamp_frame_range",
+    "use_stamp_memory",
+    "use_stamp_hostname",
+)
+"""What Blender notes in a file and what is another at every run."""
 EXACT_VIEW = {
     "view_transform": "Standard",
     "look": "None",
@@ -105,6 +113,12 @@ class PassMemory:
 def memory_for(width: int, height: int) -> PassMemory:
     """The memory for passes of a size, kept from frame to frame."""
     return PassMemory(width, height)
+
+
+def use_equal_files(render: object) -> None:
+    """Keep out of rendered files what Blender would note of the run: equal pixels, equal bytes."""
+    for name in () if render.use_stamp else TELLTALES:
+        setattr(render, name, False)
 
 
 def use_exact_colours(scene: object) -> None:

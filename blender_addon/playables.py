@@ -18,7 +18,7 @@ from pe_runtime.contract.shot import Start
 
 from .fcurves import ACTION_PATH, make_stepped, own_curves, remove_curves
 from .json_text import json_text
-from .pixels import use_exact_colours
+from .pixels import use_equal_files, use_exact_colours
 from .scene_bridge import action_names, playable_objects
 from .settings import SCHEMA
 from .state_files import picture_in, state_file, stored_state
@@ -78,6 +78,7 @@ def build_environment(
     placed = _place_empties(scene, facts, picture.boxes, state)
     show_volumes(scene, facts, placed, state)
     use_exact_colours(scene)
+    use_equal_files(scene.render)
     scene.render.engine = "PLAYABLE_ENV"
 
 

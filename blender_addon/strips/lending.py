@@ -13,6 +13,7 @@ from pathlib import Path
 import bpy
 from bpy.app.handlers import persistent
 
+from ..pixels import TELLTALES, use_equal_files
 from ..scene_bridge import picture_only
 from .job import DIGITS, PREFIX, RangeJob
 
@@ -26,15 +27,6 @@ _LENT = (
     "use_file_extension",
 )
 _LENT_FORMAT = ("file_format", "color_mode", "color_depth", "compression", "color_management")
-_TELLTALES = (
-    "use_stamp_date",
-    "use_stamp_render_time",
-    "use_stamp_frame_range",
-    "use_stamp_memory",
-    "use_stamp_hostname",
-)
-"""What Blender would note in a file and what is another at every run; without it the same pixels
-are the same bytes."""
 _out: set[str] = set()
 """Names of the scenes whose settings are lent just now."""
 
@@ -96,8 +88,7 @@ def _lend(scene: bpy.types.Scene, job: RangeJob, folder: Path) -> None:
         output.media_type = "IMAGE"
     output.file_format, output.color_mode, output.color_depth = "PNG", "RGB", "8"
     output.color_management = "FOLLOW_SCENE"
-    for name in () if render.use_stamp else _TELLTALES:
-        setattr(render, name, False)
+    use_equal_files(render)
     scene.frame_start, scene.frame_end = job.frame_start, job.frame_end
     # Each pass costs as much as the picture or more, and a PNG holds none.
     if not composites(scene):
@@ -110,7 +101,7 @@ def _kept(scene: bpy.types.Scene) -> dict:
     formats = (("media_type",) if hasattr(output, "media_type") else ()) + _LENT_FORMAT
     return {
         "format": {name: getattr(output, name) for name in formats},
-        "render": {name: getattr(render, name) for name in (*_LENT, *_TELLTALES)},
+        "render": {name: getattr(render, name) for name in (*_LENT, *TELLTALES)},
         "range": {name: getattr(scene, name) for name in ("frame_start", "frame_end")},
     }
 

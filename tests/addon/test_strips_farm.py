@@ -6,9 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
-from addon.stage import read_png
 
 bpy = pytest.importorskip("bpy")
 from blender_addon import playables  # noqa: E402 - after the check for Blender
@@ -56,14 +54,6 @@ def ended(process):
     return process.returncode, [line for line in said.splitlines() if line not in ("ready", "")]
 
 
-def pixels(folder):
-    return {path.name: read_png(path) for path in sorted(folder.glob("*.png"))}
-
-
-def same(a, b):
-    return a.keys() == b.keys() and all(np.array_equal(a[name], b[name]) for name in a)
-
-
 @pytest.mark.parametrize("mode", ["animation", "once"])
 def test_two_halves_of_a_range_give_the_files_of_one_run(baked, tmp_path, mode):
     film = saved(baked, tmp_path)
@@ -73,14 +63,12 @@ def test_two_halves_of_a_range_give_the_files_of_one_run(baked, tmp_path, mode):
         start(mode, film, tmp_path / "whole"),
     ]
     assert [ended(each)[0] for each in runs] == [0, 0, 0]
-    halves, whole = pixels(tmp_path / "halves"), pixels(tmp_path / "whole")
-    assert len(whole) == COUNT and same(halves, whole)
-    if mode == "once":
-        files = {path.name: path.read_bytes() for path in (tmp_path / "whole").glob("*.png")}
-        assert files == {
-            path.name: path.read_bytes() for path in (tmp_path / "halves").glob("*.png")
-        }
-    assert not all(np.array_equal(whole["frame_0001.png"], each) for each in whole.values())
+    halves, whole = (
+        {path.name: path.read_bytes() for path in (tmp_path / name).glob("*.png")}
+        for name in ("halves", "whole")
+    )
+    assert len(whole) == COUNT and halves == whole
+    assert len(set(whole.values())) > 1
 
 
 def test_what_a_farm_has_rendered_at_once_is_only_gathered_at_home(baked, tmp_path):
