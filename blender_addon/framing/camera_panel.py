@@ -92,8 +92,8 @@ def _icon_of(point: bpy.types.PropertyGroup) -> str:
 
 def _said_of(point: bpy.types.PropertyGroup) -> str:
     if not point.is_placed:
-        return "not placed"
-    return f"{point.miss:.2f} px" if point.miss >= 0 else "placed"
+        return iface_("not placed")
+    return f"{_pixels(point.miss)} px" if point.miss >= 0 else iface_("placed")
 
 
 CLASSES = (PLAYABLE_UL_ground_points,)

@@ -6,6 +6,7 @@ import blf
 import bpy
 import gpu
 import numpy as np
+from bpy.app.translations import pgettext_iface as iface_
 from gpu_extras.presets import draw_texture_2d
 
 from ..pixels import PassMemory
@@ -45,7 +46,7 @@ def draw_texture(
 def draw_words(words: str, region_width: int, scale: float) -> None:
     """Write a message into the lower left corner of a region, at a user interface scale."""
     columns = max(int((region_width - 2 * MARGIN * scale) / (CHARACTER_WIDTH * scale)), 20)
-    lines = [line for part in words.splitlines() for line in textwrap.wrap(part, columns)]
+    lines = [line for part in iface_(words).splitlines() for line in textwrap.wrap(part, columns)]
     blf.size(FONT, FONT_SIZE * scale)
     blf.color(FONT, 1.0, 1.0, 1.0, 1.0)
     blf.enable(FONT, blf.SHADOW)

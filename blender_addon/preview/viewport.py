@@ -7,6 +7,7 @@ import time
 import weakref
 
 import bpy
+from bpy.app.translations import pgettext_iface as iface_
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
@@ -77,7 +78,7 @@ class Viewport:
         if self.rendering and self.desk.has_more:
             return RENDERING_MESSAGE
         if session.doing and self.desk.has_more:
-            return f"{session.doing}..."
+            return f"{iface_(session.doing)}..."
         return COVERED_MESSAGE if self._covered else ""
 
     @property

@@ -129,7 +129,7 @@ MESSAGES = {
         "The worker failed": "Der Arbeitsprozess ist gescheitert",
         "Ready": "Bereit",
         "Ready on {device}": "Bereit auf {device}",
-        "Starts when it is needed": "Startet, sobald er gebraucht wird",
+        "Starts when it is needed": "Startet bei Bedarf",
         "Folder: {folder}": "Ordner: {folder}",
         "Made of: {python}": "Gemacht aus: {python}",
         "Download: about {size} from {sources}": "Download: etwa {size} von {sources}",

@@ -82,7 +82,7 @@ MESSAGES = {
         "It is linked from another file; make a library override": (
             "Es ist aus einer anderen Datei verknüpft; eine Bibliotheks-Überschreibung anlegen"
         ),
-        "Show in Renders": "In Renderings zeigen",
+        "Show in Renders": "Rendern",
         "From this frame to its next Follow key, let the active object stand where its own keys "
         "of location and rotation put it; baking leaves those keys alone": (
             "Das aktive Objekt von diesem Einzelbild bis zu seinem nächsten Schlüsselbild „Dem "
