@@ -10,7 +10,7 @@ MESSAGES = {
         "Do Action": "Aktion ausführen",
         "Insert Action Key": "Aktions-Schlüsselbild einfügen",
         "Jump to Action Key": "Zum Aktions-Schlüsselbild springen",
-        "Let It Stand for": "Stehen lassen für",
+        "Let It Stand for": "Stehen für",
         "Make Not Playable": "Nicht mehr spielbar",
         "Next Playable Object": "Nächstes spielbares Objekt",
     },
