@@ -93,9 +93,10 @@ def scene(model, environment):
 @pytest.fixture(scope="module")
 def states(scene, environment):
     """The model's own steps from the same picture, camera and boxes."""
-    shot = bake_of(scene.playable_environment).shot
-    picture = read_image(shot.start.image)
-    found, memory = [environment.encode(picture, shot.start.camera, shot.start.boxes)], None
+    settings = scene.playable_environment
+    shot, start = bake_of(settings).shot, playables.stored_picture(settings)
+    picture = read_image(start.image)
+    found, memory = [environment.encode(picture, start.camera, start.boxes)], None
     for frame in range(1, FRAMES):
         actions = {name: shot.action_at(name, frame) for name in FEET}
         state, memory = environment.step(found[-1], actions, shot.camera_at(frame), memory)

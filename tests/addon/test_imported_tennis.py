@@ -63,6 +63,7 @@ class Journey:
     empties: dict = field(default_factory=dict)
     volumes: dict = field(default_factory=dict)
     facts: dict = field(default_factory=dict)
+    encoded: object = None
     bake: object = None
     keyed: dict = field(default_factory=dict)
     still: np.ndarray | None = None
@@ -121,6 +122,7 @@ def open_scene(made):
             points = np.array([each.matrix_world @ v.co for v in each.data.vertices])
             made.volumes[each[VOLUME_KEY]] = points.min(axis=0), points.max(axis=0)
     settings = scene.playable_environment
+    made.encoded = playables.stored_picture(settings)
     made.facts = {
         "size": tuple(settings.native_size),
         "pace": settings.steps_per_second,
@@ -211,8 +213,8 @@ def environment(journey):
 
 @pytest.fixture(scope="module")
 def start(journey, environment):
-    shot = journey.bake.shot
-    return environment.encode(read_image(journey.picture), shot.start.camera, shot.start.boxes)
+    picture = journey.encoded
+    return environment.encode(read_image(journey.picture), picture.camera, picture.boxes)
 
 
 def test_both_players_become_empties_where_they_stand_on_the_court(journey):
