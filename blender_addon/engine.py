@@ -101,7 +101,7 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
         drawn = session.render(_only(take, region), moment.frame, watch, bake.shot)
         watch.finish()
         self._look_ahead(scene, bake, take, output)
-        self._hand_over(drawn, moment.scale)
+        self._hand_over(drawn, moment.scale, depsgraph.view_layer.name)
 
     def _region(self, scene: bpy.types.Scene) -> Region | None:
         """The part of the frame that is rendered; None for all of it."""
@@ -128,9 +128,10 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
             ahead = _only(take_as_baked(bake, following, output), self._region(scene))
             session.foresee(ahead, following, bake.shot, self.test_break)
 
-    def _hand_over(self, drawn: RenderedFrame, scale: float) -> None:
-        """Give Blender the picture and the passes."""
-        result = self.begin_result(0, 0, self.resolution_x, self.resolution_y)
+    def _hand_over(self, drawn: RenderedFrame, scale: float, layer: str) -> None:
+        """Give Blender the picture and the passes of a view layer."""
+        # Unless it is named, the result is that of the scene's first view layer.
+        result = self.begin_result(0, 0, self.resolution_x, self.resolution_y, layer=layer)
         width, height = result.resolution_x, result.resolution_y
         if drawn.rgb.shape != (height, width, 3):
             self.end_result(result, cancel=True)

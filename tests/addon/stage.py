@@ -54,14 +54,28 @@ def read_png(path):
     return np.asarray(oiio.ImageInput.open(str(path)).read_image(oiio.UINT8))[..., :3]
 
 
-def exr_channels(path):
-    """Channel arrays by `Pass.Channel`, over all parts of the file."""
+def render_layers(scene, path):
+    """Render a still of a scene with all its passes into a multilayer EXR."""
+    import bpy
+
+    output = scene.render.image_settings
+    if hasattr(output, "media_type"):
+        output.media_type = "MULTI_LAYER_IMAGE"
+    output.file_format, output.color_depth = "OPEN_EXR_MULTILAYER", "32"
+    scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True, scene=scene.name)
+    return path
+
+
+def exr_channels(path, layer=""):
+    """Channel arrays by `Pass.Channel`, over all parts of the file or those of a view layer."""
     found, source = {}, oiio.ImageInput.open(str(path))
     part = 0
     while source.seek_subimage(part, 0):
         pixels = source.read_image(part, 0, 0, source.spec().nchannels, oiio.FLOAT)
         for index, name in enumerate(source.spec().channelnames):
-            found[".".join(name.split(".")[-2:])] = pixels[..., index]
+            if name.startswith(layer):
+                found[".".join(name.split(".")[-2:])] = pixels[..., index]
         part += 1
     source.close()
     return found

@@ -16,6 +16,7 @@ from addon.stage import (
     front_camera,
     picture_of,
     read_png,
+    render_layers,
 )
 
 bpy = pytest.importorskip("bpy")
@@ -92,13 +93,7 @@ def switch_on_all_passes(scene):
 def test_depth_and_masks_arrive_in_a_multilayer_exr(baked, addon, tmp_path):
     switch_on_all_passes(baked)
     bpy.ops.playable.bake_paths()
-    output = baked.render.image_settings
-    if hasattr(output, "media_type"):
-        output.media_type = "MULTI_LAYER_IMAGE"
-    output.file_format, output.color_depth = "OPEN_EXR_MULTILAYER", "32"
-    baked.render.filepath = str(tmp_path / "passes.exr")
-    bpy.ops.render.render(write_still=True, scene=baked.name)
-    channels = exr_channels(tmp_path / "passes.exr")
+    channels = exr_channels(render_layers(baked, tmp_path / "passes.exr"))
     drawn = drawn_by(addon, baked, 1)
     expected = np.where(np.isinf(drawn.depth), FAR_AWAY, drawn.depth)
     assert np.array_equal(channels["Depth.Z"], expected)

@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from addon.stage import BOXES, HEIGHT, WIDTH, exr_channels
+from addon.stage import BOXES, HEIGHT, WIDTH, exr_channels, render_layers
 
 bpy = pytest.importorskip("bpy")
 from blender_addon import playables  # noqa: E402 - after the check for Blender
 from blender_addon.bake import bake_of  # noqa: E402
-from blender_addon.pixels import PassMemory  # noqa: E402
+from blender_addon.pixels import FAR_AWAY, PassMemory  # noqa: E402
 from blender_addon.render_passes import blender_pass, layer_name, mask_name  # noqa: E402
 from blender_addon.scene_bridge import inverse_of, playable_objects, wanted_passes  # noqa: E402
 from blender_addon.session import Session  # noqa: E402
@@ -83,6 +83,26 @@ def test_each_view_layer_asks_for_its_own_depth(environment, asked):
     assert sorted(asked) == [(), ("depth",)]
 
 
+def test_each_view_layer_shows_its_own_picture_and_passes(environment, asked, tmp_path):
+    first, second = environment.view_layers[0], environment.view_layers.new("Second")
+    first.use_pass_z, second.use_pass_z = True, False
+    playable_objects(environment)["player_2"].playable.use_mask = True
+    hidden = bpy.data.collections.new("not in the second layer")
+    environment.collection.children.link(hidden)
+    player = playable_objects(environment)["player_1"]
+    hidden.objects.link(player)
+    environment.collection.objects.unlink(player)
+    second.layer_collection.children[hidden.name].exclude = True
+    bpy.ops.playable.bake_paths()
+    path = render_layers(environment, tmp_path / "layers.exr")
+    shown = [exr_channels(path, f"{layer.name}.") for layer in (first, second)]
+    assert shown[0]["Depth.Z"].min() < FAR_AWAY and "Depth.Z" not in shown[1]
+    assert shown[0]["Mask player_2.X"].any()
+    assert np.array_equal(*(each["Mask player_2.X"] for each in shown))
+    assert all((each["Combined.A"] == 1.0).all() for each in shown)
+    assert not np.array_equal(*(each["Combined.R"] for each in shown))
+
+
 def test_compositor_nodes_are_offered_what_is_switched_on(environment):
     assert "Depth" not in offered(environment)
     environment.view_layers[0].use_pass_z = True
@@ -96,13 +116,7 @@ def test_compositor_nodes_are_offered_what_is_switched_on(environment):
 def test_layers_and_the_background_arrive_in_a_multilayer_exr(environment, asked, addon, tmp_path):
     environment.playable_environment.use_background = True
     playable_objects(environment)["player_1"].playable.use_layer = True
-    output = environment.render.image_settings
-    if hasattr(output, "media_type"):
-        output.media_type = "MULTI_LAYER_IMAGE"
-    output.file_format, output.color_depth = "OPEN_EXR_MULTILAYER", "32"
-    environment.render.filepath = str(tmp_path / "passes.exr")
-    bpy.ops.render.render(write_still=True, scene=environment.name)
-    channels = exr_channels(tmp_path / "passes.exr")
+    channels = exr_channels(render_layers(environment, tmp_path / "passes.exr"))
     passes = ("layer:player_1", "background")
     shot = dataclasses.replace(bake_of(environment.playable_environment).shot, passes=passes)
     drawn = addon.render(shot, 1)
