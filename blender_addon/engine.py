@@ -16,6 +16,7 @@ from pe_runtime.contract.shot import Region, Shot
 
 from .bake import Bake, Output, bake_of, take_as_baked, take_of_moment
 from .exact_colours import all_colour_changes
+from .frame_origin import frame_origin
 from .frame_watch import FrameWatch, place_in_range
 from .pace import pace
 from .pixels import memory_for
@@ -98,10 +99,13 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
         region = self._region(scene)
         take = take_of_moment(bake, moment, frames_per_second(scene), output)
         watch = self._watch(scene, take)
+        origin = frame_origin(take, bake.shot, session.facts(take.model, watch))
         drawn = session.render(_only(take, region), moment.frame, watch, bake.shot)
         watch.finish()
         self._look_ahead(scene, bake, take, output)
         self._hand_over(drawn, moment.scale, depsgraph.view_layer.name)
+        for name, value in origin.items():
+            self.get_result().stamp_data_add_field(name, value)
 
     def _region(self, scene: bpy.types.Scene) -> Region | None:
         """The part of the frame that is rendered; None for all of it."""

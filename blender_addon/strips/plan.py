@@ -1,6 +1,7 @@
 """Which frames have to be drawn, and which are on disk as the scene wants them. No `bpy` here."""
 
 import hashlib
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -10,6 +11,7 @@ from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
 
 from .. import questions
+from ..frame_origin import frame_origin
 from ..session import session
 from ..worker_client import OnProgress, ShouldStop
 from .job import RangeJob
@@ -85,7 +87,7 @@ def plan_job(wish: Wish, should_stop: ShouldStop, on_progress: OnProgress) -> Pl
     """
     on_progress("Asking the worker", 0, len(wish.takes))
     facts = session.facts(wish.whole.model, should_stop)
-    digests = {} if wish.unknowable else _asked_digests(wish, should_stop, on_progress)
+    digests = {} if wish.unknowable else _asked_digests(wish, facts, should_stop, on_progress)
     manifest = read_manifest(wish.job.folder)
     drawn, foreign = [], []
     for done, frame in enumerate(wish.job.frames):
@@ -109,16 +111,21 @@ def foreign_files(job: RangeJob) -> list[Path]:
     return [job.file(n) for n in job.frames if n not in ours and job.file(n).exists()]
 
 
-def _asked_digests(wish: Wish, should_stop: ShouldStop, on_progress: OnProgress) -> dict[int, str]:
+def _asked_digests(
+    wish: Wish, facts: ModelFacts, should_stop: ShouldStop, on_progress: OnProgress
+) -> dict[int, str]:
     found: dict[int, str] = {}
     for take in wish.takes:
-        found |= questions.digests(session, take, wish.whole, should_stop)
+        asked = questions.digests(session, take, wish.whole, should_stop)
+        # What else a file says: an action begins in a frame that it does not change yet.
+        origin = json.dumps(frame_origin(take, wish.whole, facts))
+        found |= {n: _sealed(digest, origin, wish.settings) for n, digest in asked.items()}
         on_progress("Asking the worker", len(found), len(wish.takes))
-    return {frame: _sealed(each, wish.settings) for frame, each in found.items()}
+    return found
 
 
-def _sealed(digest: str, settings: str) -> str:
-    return hashlib.sha256(f"{digest}\n{settings}".encode()).hexdigest()
+def _sealed(*parts: str) -> str:
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 def _is_ours(found: FileFacts, note: FrameNote | None, job: str) -> bool:

@@ -1,7 +1,6 @@
 """Where a strip's pictures come from, kept on the strip as custom properties."""
 
 import dataclasses
-import hashlib
 from dataclasses import dataclass
 from datetime import UTC, datetime
 
@@ -11,6 +10,7 @@ import pe_runtime
 from pe_runtime.contract.model_facts import ModelFacts
 
 from ..bake import bake_of
+from ..frame_origin import state_digest
 from .job import RangeJob, scene_of
 
 JOB_KEY = "playable_environment_job"
@@ -59,11 +59,10 @@ def provenance_of(
     """
     settings = scene.playable_environment
     bake = bake_of(settings)
-    state = settings.state_text.as_string() if settings.state_text is not None else ""
     return Provenance(
         model=facts.name,
         model_digest=facts.digest,
-        state=hashlib.sha256(state.encode()).hexdigest() if state else "",
+        state=state_digest(bake.shot),
         shot=bake.digest,
         camera=", ".join(_cameras(scene, job)),
         quality=settings.quality,

@@ -1,6 +1,5 @@
 """Where a job's strip goes, what of it stays the artist's, and what is known from it."""
 
-import hashlib
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from addon.stage import read_png
 bpy = pytest.importorskip("bpy")
 from blender_addon import playables  # noqa: E402 - after the check for Blender
 from blender_addon.bake import bake_of  # noqa: E402
+from blender_addon.frame_origin import state_digest  # noqa: E402
 from blender_addon.scene_bridge import playable_objects  # noqa: E402
 from blender_addon.strips.placing import StripPlan, place_strip, strips_of  # noqa: E402
 from blender_addon.strips.provenance import read_provenance, scene_of_strip  # noqa: E402
@@ -248,7 +248,7 @@ def test_the_strip_says_where_it_comes_from(baked, frames, addon):
     assert found == {
         "model": "fake",
         "model_digest": addon.facts("fake").digest,
-        "state": hashlib.sha256(settings.state_text.as_string().encode()).hexdigest(),
+        "state": state_digest(bake_of(settings).shot),
         "shot": bake_of(settings).digest,
         "camera": "Main Camera",
         "quality": "exact",
