@@ -3,6 +3,8 @@
 Importing this package is cheap and needs no Blender; `register()` loads the parts that do.
 """
 
+from .registration import in_order
+
 
 def _parts() -> tuple:
     """The modules that register something, in an order in which each finds its predecessors."""
@@ -41,13 +43,4 @@ def _parts() -> tuple:
     )
 
 
-def register() -> None:
-    """Add the properties, the render engine, the operators and the panels to Blender."""
-    for part in _parts():
-        part.register()
-
-
-def unregister() -> None:
-    """Take away everything that `register` added and stop the worker."""
-    for part in reversed(_parts()):
-        part.unregister()
+register, unregister = in_order(_parts)

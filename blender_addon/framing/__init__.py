@@ -1,5 +1,7 @@
 """From a picture to a scene: camera, boxes, and the Empties that stand for its objects."""
 
+from ..registration import in_order
+
 
 def _parts() -> tuple:
     from . import (
@@ -21,13 +23,4 @@ def _parts() -> tuple:
     )
 
 
-def register() -> None:
-    """Register the parts in order."""
-    for part in _parts():
-        part.register()
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for part in reversed(_parts()):
-        part.unregister()
+register, unregister = in_order(_parts)

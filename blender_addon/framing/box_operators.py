@@ -112,14 +112,4 @@ def _what_was_found(names: tuple[str, ...], detected: DetectedBoxes) -> str:
 
 CLASSES = (PLAYABLE_OT_detect_boxes, PLAYABLE_OT_boxes_from_tracks)
 
-
-def register() -> None:
-    """Register the operators."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

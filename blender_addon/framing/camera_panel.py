@@ -98,14 +98,4 @@ def _said_of(point: bpy.types.PropertyGroup) -> str:
 
 CLASSES = (PLAYABLE_UL_ground_points,)
 
-
-def register() -> None:
-    """Register the list."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -189,14 +189,4 @@ def _camera_of_scene(context: bpy.types.Context, size: tuple[int, int]) -> Camer
 
 CLASSES = (PLAYABLE_OT_load_model, PLAYABLE_OT_new_environment, PLAYABLE_OT_open_picture)
 
-
-def register() -> None:
-    """Register the operators."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -153,14 +153,4 @@ def _characters(context: bpy.types.Context) -> int:
 
 CLASSES = (PLAYABLE_PT_environment,)
 
-
-def register() -> None:
-    """Register the panel."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -283,14 +283,4 @@ def _write_points(framing: bpy.types.PropertyGroup, points: list[tuple | None]) 
 
 CLASSES = (PLAYABLE_OT_draw_boxes, PLAYABLE_OT_place_ground_points)
 
-
-def register() -> None:
-    """Register the tools."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,5 +1,7 @@
 """The runtime: where it lives, whether it works, how it gets there."""
 
+from ..registration import in_order
+
 
 def _parts() -> tuple:
     from . import operators, panels, preferences
@@ -11,13 +13,4 @@ def _parts() -> tuple:
     )
 
 
-def register() -> None:
-    """Register the parts in order."""
-    for part in _parts():
-        part.register()
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for part in reversed(_parts()):
-        part.unregister()
+register, unregister = in_order(_parts)

@@ -73,14 +73,4 @@ def draw_worker(layout: bpy.types.UILayout) -> None:
 
 CLASSES = (PLAYABLE_PT_set_up, PLAYABLE_PT_runtime)
 
-
-def register() -> None:
-    """Register the panels."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,5 +1,7 @@
 """Living in a file: what older versions saved is brought up to date, what is missing is said."""
 
+from ..registration import in_order
+
 
 def _parts() -> tuple:
     from . import file_events, panels
@@ -7,13 +9,4 @@ def _parts() -> tuple:
     return file_events, panels
 
 
-def register() -> None:
-    """Register the parts in order."""
-    for part in _parts():
-        part.register()
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for part in reversed(_parts()):
-        part.unregister()
+register, unregister = in_order(_parts)

@@ -1,5 +1,7 @@
 """What is drawn over a scene in 3D viewports: the picture's marks, the players' paths."""
 
+from ..registration import in_order
+
 
 def _parts() -> tuple:
     from . import panels
@@ -7,13 +9,4 @@ def _parts() -> tuple:
     return (panels,)
 
 
-def register() -> None:
-    """Register the parts in order."""
-    for part in _parts():
-        part.register()
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for part in reversed(_parts()):
-        part.unregister()
+register, unregister = in_order(_parts)

@@ -4,6 +4,8 @@ Places, styles, poses and visibility are read at every frame and applied when it
 nothing has to be baked again for them.
 """
 
+from ..registration import in_order
+
 
 def _parts() -> tuple:
     from . import export_operators, panels, place_operators, pose_operators, style_operators
@@ -17,13 +19,4 @@ def _parts() -> tuple:
     )
 
 
-def register() -> None:
-    """Register the parts in order."""
-    for part in _parts():
-        part.register()
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for part in reversed(_parts()):
-        part.unregister()
+register, unregister = in_order(_parts)

@@ -117,14 +117,4 @@ def _draw_pose(layout: bpy.types.UILayout, own: OverrideSettings) -> None:
 
 CLASSES = (PLAYABLE_UL_styles, PLAYABLE_PT_overrides, PLAYABLE_PT_styles, PLAYABLE_PT_shot_file)
 
-
-def register() -> None:
-    """Register the panels."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -61,14 +61,4 @@ def playable_chosen(operator: type, context: bpy.types.Context) -> bool:
 
 CLASSES = (PLAYABLE_OT_hold_pose,)
 
-
-def register() -> None:
-    """Register the operators."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -156,14 +156,4 @@ def _detected(
 
 CLASSES = (PLAYABLE_OT_add_style, PLAYABLE_OT_add_scene_styles, PLAYABLE_OT_remove_style)
 
-
-def register() -> None:
-    """Register the operators."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

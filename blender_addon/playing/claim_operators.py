@@ -107,14 +107,4 @@ def _is_playable(target: bpy.types.Object | None) -> bool:
 
 CLASSES = (PLAYABLE_OT_stand_for, PLAYABLE_OT_make_not_playable, PLAYABLE_OT_bring_back)
 
-
-def register() -> None:
-    """Register the operators."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -158,14 +158,4 @@ def key_clip(scene: bpy.types.Scene, found: ReadActions, frames: Sequence[int]) 
 
 CLASSES = (PLAYABLE_OT_actions_from_clip,)
 
-
-def register() -> None:
-    """Register the operator."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -45,14 +45,4 @@ class PLAYABLE_OT_bake_paths(WorkerOperator, bpy.types.Operator):
 
 CLASSES = (PLAYABLE_OT_bake_paths,)
 
-
-def register() -> None:
-    """Register the operators."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

@@ -1,5 +1,7 @@
 """Rendered frames as strips of the sequencer."""
 
+from ..registration import in_order
+
 
 def _parts() -> tuple:
     from . import lending, operators, panels, strip_operators
@@ -7,13 +9,4 @@ def _parts() -> tuple:
     return lending, operators, strip_operators, panels
 
 
-def register() -> None:
-    """Register the parts in order."""
-    for part in _parts():
-        part.register()
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for part in reversed(_parts()):
-        part.unregister()
+register, unregister = in_order(_parts)

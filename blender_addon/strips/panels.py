@@ -151,14 +151,4 @@ def _draw_provenance(
 
 CLASSES = (PLAYABLE_PT_output, PLAYABLE_PT_strip_target, PLAYABLE_PT_strip)
 
-
-def register() -> None:
-    """Register the panels."""
-    for each in CLASSES:
-        bpy.utils.register_class(each)
-
-
-def unregister() -> None:
-    """Undo `register`."""
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)
