@@ -149,6 +149,11 @@ def _found(shot: Shot, sources: Sources, where: str) -> Shot:
         return dataclasses.replace(shot, start=Start(state=sources.file)) if same else shot
     if not is_content_name(start.state):
         return shot
+    if not sources.file:
+        raise ShotError(
+            "the encoded picture of this environment is no longer in this file; undo its deletion, "
+            "or press New Playable Environment"
+        )
     if PurePath(sources.file).name != start.state:
         raise ShotError(
             f"{where!r} starts from a state that is no longer in this file; {BAKE_AGAIN}"

@@ -214,8 +214,13 @@ def test_a_bake_of_another_state_asks_to_bake_again(baked):
     playables.write_text(settings.state_text, "", json.dumps(content))
     with pytest.raises(ShotError, match="a state that is no longer in this file; press Bake"):
         bake_of(settings)
-    settings.state_text = None
-    with pytest.raises(ShotError, match="a state that is no longer in this file; press Bake"):
+
+
+@pytest.mark.blender
+def test_a_bake_whose_state_was_deleted_does_not_ask_to_bake_again(baked):
+    settings = baked.playable_environment
+    bpy.data.texts.remove(settings.state_text)
+    with pytest.raises(ShotError, match="encoded picture .* undo its deletion, or press New Play"):
         bake_of(settings)
 
 
