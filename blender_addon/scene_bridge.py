@@ -140,7 +140,8 @@ def read_camera(
     scene = depsgraph.scene_eval
     holder = scene.camera
     if holder is None or holder.type != "CAMERA":
-        raise CameraError(f"scene {scene.name!r} has no camera; add one and make it active")
+        name = staged(depsgraph).name
+        raise CameraError(f"scene {name!r} has no camera; add one and make it active")
     lens = lens_of(holder.data, scene.render)
     if picture_size is not None:
         lens = dataclasses.replace(

@@ -69,6 +69,12 @@ def test_it_bakes_what_the_operator_bakes(stage, clock):
     assert bake_of(stage.playable_environment).digest == by_itself.digest
 
 
+def test_without_a_camera_the_scene_of_the_artist_is_named(stage, clock):
+    stage.camera = None
+    clock.settle()
+    assert clock.live.note(stage).startswith(f"scene {stage.name!r} has no camera; add one")
+
+
 def test_nothing_is_asked_where_nothing_has_changed(stage, clock):
     text = stage.playable_environment.bake_text.as_string()
     player(stage).select_set(True)
