@@ -17,6 +17,8 @@ class PLAYABLE_PT_problems(PlayablePanel, bpy.types.Panel):
 
     bl_label = "Needs Attention"
     bl_idname = "PLAYABLE_PT_problems"
+    # A panel without a header stands above all others, wherever the artist has put those.
+    bl_options = {"HIDE_HEADER"}
     bl_order = -1
 
     @classmethod
@@ -24,10 +26,12 @@ class PLAYABLE_PT_problems(PlayablePanel, bpy.types.Panel):
         return bool(problems_of(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
+        self.layout.label(text=self.bl_label)
         for problem in problems_of(context.scene):
             column = self.layout.column(align=True)
             icon = "ERROR"
-            for line in textwrap.wrap(iface_(problem), LABEL_WIDTH):
+            said = iface_(problem)
+            for line in textwrap.wrap(said[:1].upper() + said[1:], LABEL_WIDTH):
                 column.label(text=line, icon=icon)
                 icon = "BLANK1"
 

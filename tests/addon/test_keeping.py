@@ -19,6 +19,7 @@ from blender_addon import playables  # noqa: E402
 from blender_addon.bake import bake_of  # noqa: E402
 from blender_addon.fcurves import curves_of  # noqa: E402
 from blender_addon.keeping.migration import migrate  # noqa: E402
+from blender_addon.keeping.panels import PLAYABLE_PT_problems  # noqa: E402
 from blender_addon.keeping.problems import problems_of  # noqa: E402
 from blender_addon.scene_bridge import playable_objects, sample_range  # noqa: E402
 from blender_addon.settings import SCHEMA  # noqa: E402
@@ -264,3 +265,8 @@ def test_a_library_override_is_keyed_locally_and_keeps_its_keys_in_the_file(bake
         for key in curve.keyframe_points
     ]
     assert 9.0 in frames and local.playable.object_name == "player_1"
+
+
+def test_what_needs_attention_stands_above_panels_that_the_artist_has_moved():
+    # Blender keeps panels with headers in the artist's order, new ones below.
+    assert "HIDE_HEADER" in PLAYABLE_PT_problems.bl_options
