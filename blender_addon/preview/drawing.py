@@ -43,10 +43,19 @@ def draw_texture(
     engine.unbind_display_space_shader()
 
 
-def draw_words(words: str, region_width: int, scale: float) -> None:
-    """Write a message into the lower left corner of a region, at a user interface scale."""
+def draw_words(words: str, region_width: int, scale: float, bottom: int = 0) -> None:
+    """Write a message into the lower left corner of a region.
+
+    Args:
+        words: What is to be read.
+        region_width: Pixels.
+        scale: Of the user interface.
+        bottom: Pixels at the lower border that something else covers.
+    """
     columns = max(int((region_width - 2 * MARGIN * scale) / (CHARACTER_WIDTH * scale)), 20)
-    lines = [line for part in iface_(words).splitlines() for line in textwrap.wrap(part, columns)]
+    said = iface_(words)
+    said = said[:1].upper() + said[1:]
+    lines = [line for part in said.splitlines() for line in textwrap.wrap(part, columns)]
     blf.size(FONT, FONT_SIZE * scale)
     blf.color(FONT, 1.0, 1.0, 1.0, 1.0)
     blf.enable(FONT, blf.SHADOW)
@@ -54,6 +63,6 @@ def draw_words(words: str, region_width: int, scale: float) -> None:
     kept = lines[:MOST_LINES]
     for index, line in enumerate(kept):
         height = MARGIN + LINE * (len(kept) - 1 - index)
-        blf.position(FONT, MARGIN * scale, height * scale, 0.0)
+        blf.position(FONT, MARGIN * scale, bottom + height * scale, 0.0)
         blf.draw(FONT, line)
     blf.disable(FONT, blf.SHADOW)

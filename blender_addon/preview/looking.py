@@ -53,6 +53,17 @@ def is_covered(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph) -> bo
     )
 
 
+def covered_bottom(area: bpy.types.Area, region: bpy.types.Region) -> int:
+    """Pixels at a region's lower border that the panel of the last operator covers."""
+    # A hidden one stands at the window's origin, or has no size.
+    shown = (
+        each.y + each.height - region.y
+        for each in area.regions
+        if each.type == "HUD" and each.height > 1 and each.y >= region.y
+    )
+    return max(shown, default=0)
+
+
 def _holder(
     space: bpy.types.SpaceView3D, depsgraph: bpy.types.Depsgraph
 ) -> bpy.types.Object | None:

@@ -14,7 +14,7 @@ from pe_runtime.contract.errors import PlayableEnvironmentError
 from ..session import session
 from .desk import Desk, Shown, Wish
 from .drawing_thread import Drawer
-from .looking import is_covered, look
+from .looking import covered_bottom, is_covered, look
 from .subject import Subject, read_subject
 from .view_camera import Rect
 
@@ -67,7 +67,11 @@ class Viewport:
                 self._texture = drawing.texture_of(shown.rgb)
             drawing.draw_texture(engine, scene, self._texture, rect, region.height)
         if words:
-            drawing.draw_words(words, region.width, context.preferences.system.ui_scale)
+            scale, bottom = (
+                context.preferences.system.ui_scale,
+                covered_bottom(context.area, region),
+            )
+            drawing.draw_words(words, region.width, scale, bottom)
         self._drawn, self._drawn_words, self._news_since = shown, words, None
 
     @property

@@ -10,7 +10,7 @@ from pe_runtime.contract.camera import Camera, project
 from pe_runtime.contract.errors import CameraError
 
 bpy = pytest.importorskip("bpy")
-from blender_addon.preview.looking import look  # noqa: E402 - after the check for Blender
+from blender_addon.preview.looking import covered_bottom, look  # noqa: E402 - after the check for Blender
 from blender_addon.scene_bridge import inverse_of, read_camera  # noqa: E402
 
 POINTS = np.array([[0.0, 0.0, 0.0], [1.5, 2.0, 0.3], [-2.0, 1.0, 1.8], [0.4, -3.0, 0.9]])
@@ -141,3 +141,13 @@ class TestInBlender:
         depsgraph = scene.view_layers[0].depsgraph
         with pytest.raises(CameraError, match="ORTHO"):
             look(region_of(scene), depsgraph, np.eye(4))
+
+
+def test_words_stand_above_the_panel_of_the_last_operator():
+    window = SimpleNamespace(type="WINDOW", x=60, y=95, width=961, height=824)
+    panel = SimpleNamespace(type="HUD", x=65, y=100, width=168, height=25)
+    assert covered_bottom(SimpleNamespace(regions=[window, panel]), window) == 30
+    hidden = SimpleNamespace(type="HUD", x=0, y=0, width=168, height=25)
+    empty = SimpleNamespace(type="HUD", x=60, y=95, width=1, height=1)
+    for each in (hidden, empty):
+        assert covered_bottom(SimpleNamespace(regions=[window, each]), window) == 0
