@@ -172,10 +172,11 @@ class RangeOperator:
 
 
 def redraw(context: bpy.types.Context) -> None:
-    """Have the panels that tell of a job drawn again."""
+    """Have the panels that tell of a job drawn again, but not the costly views beside them."""
     for area in (area for window in context.window_manager.windows for area in window.screen.areas):
         if area.type in ("VIEW_3D", "SEQUENCE_EDITOR"):
-            area.tag_redraw()
+            for region in (each for each in area.regions if each.type == "UI"):
+                region.tag_redraw()
 
 
 def _drained(running: Running) -> Outcome:

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from blender_addon import playables  # noqa: E402 - after the check for Blender
 from blender_addon.scene_bridge import playable_objects  # noqa: E402
 from blender_addon.strips import lending  # noqa: E402
 from blender_addon.strips.manifest import FILE_NAME, read_manifest  # noqa: E402
+from blender_addon.strips.range_operator import redraw  # noqa: E402
 
 pytestmark = pytest.mark.blender
 COUNT = 8
@@ -60,6 +62,20 @@ def key_action_from(scene, frame):
     """Change what a player does from a frame on, and what follows from it."""
     playables.key_action(playable_objects(scene)["player_1"], frame, 2)
     bpy.ops.playable.bake_paths()
+
+
+def test_a_job_redraws_the_sidebars_that_tell_of_it_and_no_view():
+    told = []
+
+    def region(kind):
+        return SimpleNamespace(type=kind, tag_redraw=lambda: told.append(kind))
+
+    area = SimpleNamespace(type="VIEW_3D", regions=[region("WINDOW"), region("UI")])
+    area.tag_redraw = lambda: told.append("AREA")
+    window = SimpleNamespace(screen=SimpleNamespace(areas=[area]))
+    manager = SimpleNamespace(windows=[window])
+    redraw(SimpleNamespace(window_manager=manager))
+    assert told == ["UI"]
 
 
 def test_a_second_time_nothing_is_drawn(baked, frames, drawn):
