@@ -1,6 +1,5 @@
 """From a picture to an environment in three steps, in the sidebar of the 3D view."""
 
-import textwrap
 from collections.abc import Sequence
 
 import bpy
@@ -8,7 +7,7 @@ from bpy.app.translations import pgettext_iface as iface_
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
-from ..panel import PlayablePanel
+from ..panel import PlayablePanel, wrapped_label
 from .camera_panel import draw_camera
 from .framed import FramedPicture, framed_picture
 from .objects_panel import draw_objects
@@ -58,7 +57,7 @@ def _step(
     header, body = layout.panel(name, default_closed=done)
     header.label(text=title, icon="RADIOBUT_OFF" if lack else "CHECKMARK")
     if body is not None and lack:
-        wrapped(body, lack, "INFO", width)
+        wrapped_label(body, lack, "INFO", width)
     return body
 
 
@@ -101,7 +100,7 @@ def _draw_facts(layout: bpy.types.UILayout, settings: bpy.types.PropertyGroup, w
     column.label(text=said, translate=False)
     if settings.licence:
         terms = iface_("Weights: {licence}").format(licence=settings.licence)
-        wrapped(column, terms, "NONE", width)
+        wrapped_label(column, terms, "NONE", width)
 
 
 def _draw_strip(layout: bpy.types.UILayout, edits: Sequence[bpy.types.Scene]) -> None:
@@ -121,7 +120,7 @@ def _draw_warnings(layout: bpy.types.UILayout, seen: FramedPicture | None, width
         column = layout.column(align=True)
         column.label(text="Good to know before encoding:", icon="ERROR")
         for text in texts:
-            wrapped(column, text, "DOT", width)
+            wrapped_label(column, text, "DOT", width)
 
 
 def _is_encoded(scene: bpy.types.Scene) -> bool:
@@ -135,14 +134,6 @@ def _draw_ways_in(layout: bpy.types.UILayout, done: bool) -> None:
     column.operator("playable.open_picture", icon="OUTLINER_OB_EMPTY")
     other = layout.operator("playable.open_picture", text="New in New Scene", icon="SCENE_DATA")
     other.new_scene = True
-
-
-def wrapped(layout: bpy.types.UILayout, text: str, icon: str, width: int) -> None:
-    """A label of several lines; labels themselves end where the panel does."""
-    column = layout.column(align=True)
-    column.scale_y = 0.8
-    for number, line in enumerate(textwrap.wrap(iface_(text), width)):
-        column.label(text=line, icon=icon if number == 0 else "BLANK1" if icon != "NONE" else icon)
 
 
 def _characters(context: bpy.types.Context) -> int:

@@ -9,6 +9,7 @@ from bpy.props import EnumProperty, StringProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
+from ..panel import label_lines, wrapped_label
 from ..session import session
 from ..worker_operator import Result, allowed, failed
 from . import redrawing
@@ -27,11 +28,10 @@ from .preferences import (
     FOLDER,
     private_folder,
     set_up_refusal,
-    show_lines,
     use_private_runtime,
 )
 from .set_up import remove
-from .words import processor_hint, question_lines, short_words, wrapped
+from .words import LINE_CHARACTERS, processor_hint, question_lines, short_words
 
 DIALOG_WIDTH = 520
 TICK_SECONDS = 0.25
@@ -73,9 +73,9 @@ class PLAYABLE_OT_set_up_runtime(bpy.types.Operator):
         try:
             plan = self._plan()
         except PlayableEnvironmentError as error:
-            show_lines(layout, wrapped(str(error)), "ERROR")
+            wrapped_label(layout, str(error), "ERROR", LINE_CHARACTERS)
         else:
-            show_lines(layout, question_lines(plan, iface_))
+            label_lines(layout, question_lines(plan, iface_))
             if offers_choice():
                 layout.prop(self, "processor", expand=True)
                 layout.label(text=processor_hint(plan), icon="INFO")

@@ -5,12 +5,12 @@ import os
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from ..panel import PlayablePanel
+from ..panel import PlayablePanel, label_lines, wrapped_label
 from ..runtime_python import find_python
 from ..session import session
 from .installation import installation
-from .preferences import ADDON, draw_progress, set_up_refusal, show_lines
-from .words import PANEL_CHARACTERS, WAY, worker_words, wrapped
+from .preferences import ADDON, draw_progress, set_up_refusal
+from .words import WAY, worker_words
 
 
 class PLAYABLE_PT_set_up(PlayablePanel, bpy.types.Panel):
@@ -53,9 +53,9 @@ def draw_way_to_a_runtime(layout: bpy.types.UILayout) -> None:
     if installation.sets_up:
         draw_progress(layout)
         return
-    show_lines(layout, wrapped(iface_(WAY), PANEL_CHARACTERS), "INFO")
+    wrapped_label(layout, WAY, "INFO")
     layout.operator("playable.set_up_runtime", icon="IMPORT")
-    show_lines(layout, wrapped(iface_(set_up_refusal()), PANEL_CHARACTERS), "ERROR")
+    wrapped_label(layout, set_up_refusal(), "ERROR")
     preferences = layout.operator("preferences.addon_show", text="Preferences", icon="PREFERENCES")
     preferences.module = ADDON
 
@@ -68,7 +68,7 @@ def draw_worker(layout: bpy.types.UILayout) -> None:
     row.label(text=words.title, icon=words.icon)
     row.operator("playable.stop_worker", text="", icon="CANCEL")
     row.operator("preferences.addon_show", text="", icon="PREFERENCES").module = ADDON
-    show_lines(layout, words.lines, "BLANK1")
+    label_lines(layout, words.lines, "BLANK1")
 
 
 CLASSES = (PLAYABLE_PT_set_up, PLAYABLE_PT_runtime)

@@ -1,6 +1,5 @@
 """Where the runtime lives, as Blender's preferences keep it, and how it is."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import bpy
@@ -8,16 +7,16 @@ from bpy.app.translations import pgettext_iface as iface_
 from bpy.props import StringProperty
 
 from .. import session
+from ..panel import label_lines, wrapped_label
 from ..runtime_python import VARIABLE, Places, own_python
 from .installation import installation
 from .plan import ENVIRONMENT, bundled_wheel
 from .redrawing import follow
 from .runtime_state import UNKNOWN
-from .words import refusal, words_of, wrapped
+from .words import LINE_CHARACTERS, refusal, words_of
 
 ADDON = __package__.rpartition(".")[0]
 FOLDER = Path(__file__).parents[1]
-LINE_SCALE = 0.75
 
 
 class PlayableEnvironmentPreferences(bpy.types.AddonPreferences):
@@ -66,7 +65,7 @@ def draw_state(layout: bpy.types.UILayout) -> None:
     row.label(text=words.title, icon=words.icon)
     row.operator("playable.check_runtime", text="", icon="FILE_REFRESH")
     row.operator("playable.stop_worker", text="", icon="CANCEL")
-    show_lines(layout, words.lines, "BLANK1")
+    label_lines(layout, words.lines, "BLANK1")
 
 
 def draw_set_up(layout: bpy.types.UILayout) -> None:
@@ -79,13 +78,12 @@ def draw_set_up(layout: bpy.types.UILayout) -> None:
     row.operator("playable.set_up_runtime", icon="IMPORT")
     row.operator("playable.remove_runtime", text="Remove", icon="TRASH")
     why_not = set_up_refusal()
-    show_lines(column, wrapped(iface_(why_not)), "INFO")
+    wrapped_label(column, why_not, "INFO", LINE_CHARACTERS)
     if why_not and bundled_wheel(FOLDER) and not bpy.app.online_access_override:
         column.operator("extensions.userpref_show_online", text="Show the Setting")
-    show_lines(
-        column, wrapped(iface_(installation.said)), "ERROR" if installation.failed else "INFO"
-    )
-    show_lines(column, installation.log, "BLANK1")
+    icon = "ERROR" if installation.failed else "INFO"
+    wrapped_label(column, installation.said, icon, LINE_CHARACTERS)
+    label_lines(column, installation.log, "BLANK1")
 
 
 def draw_progress(layout: bpy.types.UILayout) -> None:
@@ -94,14 +92,6 @@ def draw_progress(layout: bpy.types.UILayout) -> None:
     row = layout.row(align=True)
     row.progress(text=f"{iface_(stage)} · {share:.0%}", factor=share)
     row.operator("playable.cancel_set_up", text="", icon="CANCEL")
-
-
-def show_lines(layout: bpy.types.UILayout, lines: Sequence[str], icon: str = "NONE") -> None:
-    """Show a text close together, the icon before its first line."""
-    column = layout.column(align=True)
-    column.scale_y = LINE_SCALE
-    for number, line in enumerate(lines):
-        column.label(text=line, icon=icon if not number or icon == "NONE" else "BLANK1")
 
 
 def set_up_refusal() -> str:

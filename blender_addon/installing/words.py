@@ -1,16 +1,17 @@
 """What is said about the runtime: its state, the question before a set-up, refusals. No `bpy`."""
 
-import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import pe_runtime
 
 from ..runtime_python import CHOSEN, OWN, PRIVATE, VARIABLE
+from ..wrapping import SIDEBAR_CHARACTERS, wrapped
 from .plan import GIGABYTE, SetUpPlan, offers_choice
 from .runtime_state import BROKEN, CHECKING, MISSING, READY, UNKNOWN, WRONG_VERSION, RuntimeState
 
-LINE_CHARACTERS, PANEL_CHARACTERS = 78, 36
+LINE_CHARACTERS = 78
+"""What the preferences show in a line."""
 WAY = "Drawing needs a runtime beside Blender. It is set up once"
 ICONS = {
     UNKNOWN: "QUESTION",
@@ -54,8 +55,8 @@ class Words:
 
 def words_of(state: RuntimeState, translate: Translate = str) -> Words:
     """The state of the runtime, for people."""
-    advice = wrapped(translate(_advice(state)))
-    lines = () if not state.python else wrapped(_whereabouts(state, translate))
+    advice = wrapped(translate(_advice(state)), LINE_CHARACTERS)
+    lines = () if not state.python else wrapped(_whereabouts(state, translate), LINE_CHARACTERS)
     return Words(ICONS[state.kind], _title(state, translate), (*advice, *lines))
 
 
@@ -77,7 +78,9 @@ def worker_words(
         translate: Into the language of the interface.
     """
     if error:
-        return Words("ERROR", "The worker failed", wrapped(error.splitlines()[0], PANEL_CHARACTERS))
+        return Words(
+            "ERROR", "The worker failed", wrapped(error.splitlines()[0], SIDEBAR_CHARACTERS)
+        )
     if doing or status in ("busy", "starting"):
         return Words("SORTTIME", doing or ("Drawing" if status == "busy" else "Starting"))
     if status == "ready":
@@ -91,8 +94,8 @@ def question_lines(plan: SetUpPlan, translate: Translate = str) -> tuple[str, ..
     download, disk = size_in_words(plan.cost.download), size_in_words(plan.cost.disk)
     sources = f" {translate('and')} ".join(plan.sources)
     return (
-        *wrapped(translate("Folder: {folder}").format(folder=plan.environment)),
-        *wrapped(translate("Made of: {python}").format(python=plan.base_python)),
+        *wrapped(translate("Folder: {folder}").format(folder=plan.environment), LINE_CHARACTERS),
+        *wrapped(translate("Made of: {python}").format(python=plan.base_python), LINE_CHARACTERS),
         translate("Download: about {size} from {sources}").format(size=download, sources=sources),
         translate("Disk: about {size} while it is set up").format(size=disk),
         "It takes some minutes, in which you can go on working",
@@ -123,11 +126,6 @@ def size_in_words(count: int) -> str:
     if count >= GIGABYTE:
         return f"{count / GIGABYTE:.1f} GB".replace(".0 ", " ")
     return f"{round(count / 10**6)} MB"
-
-
-def wrapped(text: str, characters: int = LINE_CHARACTERS) -> tuple[str, ...]:
-    """A text as lines of at most so many characters."""
-    return tuple(line for part in text.splitlines() for line in textwrap.wrap(part, characters))
 
 
 def _title(state: RuntimeState, translate: Translate = str) -> str:

@@ -1,12 +1,12 @@
 """What framing knows of a picture, as the overlay shows it: verdicts, wrapped words, marks."""
 
-import textwrap
 from collections.abc import Sequence
 
 from pe_runtime.contract.camera import Camera
 
 from ..framing.framed import FramedPicture
 from ..framing.warnings import FramingWarning
+from ..wrapping import wrapped
 from .picture_marks import FINE, IMPOSSIBLE, OUTSIDE, GroundMark, PictureBox, PictureView
 
 LINE_LENGTH = 46
@@ -59,4 +59,4 @@ def words_of(said: Sequence[FramingWarning]) -> str:
 def _wrapped(text: str) -> str:
     # Names of objects stay as they are.
     text = text[:1].upper() + text[1:] if text.startswith("the ") else text
-    return "\n".join(textwrap.wrap(text, LINE_LENGTH))
+    return "\n".join(wrapped(text, LINE_LENGTH))

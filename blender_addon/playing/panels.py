@@ -1,14 +1,12 @@
 """What the playable objects do, and where it leads them."""
 
-import textwrap
-
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
 from pe_runtime.contract.errors import ShotError
 
 from ..bake import bake_of
-from ..panel import PlayablePanel
+from ..panel import PlayablePanel, wrapped_label
 from ..scene_bridge import action_names
 from ..settings import action_items
 from . import keymap
@@ -20,8 +18,6 @@ from .stepping import action_warnings
 from .watching import live
 
 NUMBER_KEYS = 9
-LABEL_WIDTH = 36
-"""Characters that the sidebar shows at its usual width."""
 
 
 class PLAYABLE_PT_object(PlayablePanel, bpy.types.Panel):
@@ -69,14 +65,14 @@ class PLAYABLE_PT_paths(PlayablePanel, bpy.types.Panel):
         layout.prop(scene.playable_environment.playing, "update_paths")
         _draw_bake(layout, scene)
         if note := live.note(scene):
-            _draw_lines(layout, note, "INFO" if note == UPDATING else "ERROR")
+            wrapped_label(layout, note, "INFO" if note == UPDATING else "ERROR")
         for name in left_out(scene) if scene.playable_environment.root is not None else ():
             row = layout.row(align=True)
             said = iface_("{name} has no Empty and rests").format(name=name)
             row.label(text=said, icon="INFO", translate=False)
             row.operator("playable.bring_back").object_name = name
         for text in action_warnings(scene):
-            _draw_lines(layout, text, "ERROR")
+            wrapped_label(layout, text, "ERROR")
 
 
 def _draw_claims(
@@ -89,7 +85,7 @@ def _draw_claims(
     column.alert = True
     said = iface_("{other} stands for {name} too")
     said = said.format(other=others[0], name=target.playable.object_name)
-    _draw_lines(column, said, "ERROR")
+    wrapped_label(column, said, "ERROR")
     if free_names(scene, target):
         column.operator_menu_enum("playable.stand_for", "object_name")
     column.operator("playable.make_not_playable")
@@ -135,12 +131,6 @@ def _draw_bake(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         layout.label(text=said, translate=False)
     except ShotError as reason:
         layout.label(text=str(reason).partition(";")[0].capitalize(), icon="INFO")
-
-
-def _draw_lines(layout: bpy.types.UILayout, text: str, icon: str) -> None:
-    for line in textwrap.wrap(iface_(text), LABEL_WIDTH):
-        layout.label(text=line, icon=icon)
-        icon = "BLANK1"
 
 
 CLASSES = (PLAYABLE_PT_object, PLAYABLE_PT_paths)

@@ -1,18 +1,13 @@
 """What is rendered and where its strip goes; and beside a strip, where it comes from."""
 
-import textwrap
-
 import bpy
 
 from ..exact_colours import draw_colour_changes
-from ..panel import PlayablePanel
+from ..panel import PlayablePanel, wrapped_label
 from .provenance import read_provenance, scene_of_strip
 from .running import shown_progress
 from .strip_operators import active_strip
 from .target import shadowed, target_warnings
-
-LINE_CHARACTERS = 40
-"""What the sidebar shows at its usual width, beside an icon."""
 
 
 class PLAYABLE_PT_output(PlayablePanel, bpy.types.Panel):
@@ -54,8 +49,8 @@ class PLAYABLE_PT_strip_target(PlayablePanel, bpy.types.Panel):
             layout.label(text=f"In {target.name}", icon="SCENE_DATA", translate=False)
         layout.prop(strips, "channel")
         layout.prop(strips, "frame_offset")
-        if target is not None:
-            _draw_lines(layout, target_warnings(context.scene, target))
+        for warning in target_warnings(context.scene, target) if target is not None else ():
+            wrapped_label(layout, warning, "ERROR")
 
 
 class PLAYABLE_PT_strip(bpy.types.Panel):
@@ -116,16 +111,9 @@ def _draw_progress(layout: bpy.types.UILayout, job: str) -> bool:
 
 def _draw_warnings(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     if reason := shadowed(scene):
-        _draw_lines(layout, [reason])
+        wrapped_label(layout, reason, "ERROR")
         layout.operator("playable.leave_sequencer_out")
     draw_colour_changes(layout, scene)
-
-
-def _draw_lines(layout: bpy.types.UILayout, warnings: list[str]) -> None:
-    for warning in warnings:
-        column = layout.column(align=True)
-        for number, line in enumerate(textwrap.wrap(warning, LINE_CHARACTERS)):
-            column.label(text=line, icon="BLANK1" if number else "ERROR", translate=False)
 
 
 def _draw_provenance(
