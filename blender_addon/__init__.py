@@ -9,8 +9,6 @@ from .registration import in_order
 def _parts() -> tuple:
     """The modules that register something, in an order in which each finds its predecessors."""
     from . import (
-        engine,
-        exact_colours,
         framing,
         installing,
         keeping,
@@ -18,12 +16,12 @@ def _parts() -> tuple:
         overrides,
         playing,
         preview,
-        session,
         settings,
         strips,
         translations,
-        written_files,
     )
+    from .filming import engine, exact_colours, written_files
+    from .worker import session
 
     return (
         settings,

@@ -15,8 +15,8 @@ from pe_runtime.contract.shot import Shot
 from .bake import Bake
 from .fcurves import own_curves, write_curve
 from .playables import write_text
-from .replies import PredictedPaths
 from .scene_bridge import Moment, action_names, playable_objects
+from .worker.replies import PredictedPaths
 
 UPRIGHT_TOLERANCE = 1e-4
 SAME_PLACE = 1e-4

@@ -17,8 +17,8 @@ from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Start
 
 from .fcurves import ACTION_PATH, make_stepped, own_curves, remove_curves
+from .filming.pixels import use_equal_files, use_exact_colours
 from .json_text import json_text
-from .pixels import use_equal_files, use_exact_colours
 from .scene_bridge import action_names, playable_objects
 from .settings import SCHEMA
 from .state_files import picture_in, state_file, stored_state

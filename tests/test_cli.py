@@ -215,7 +215,7 @@ def test_the_extension_holds_the_addon_and_the_contract_and_nothing_heavy(capsys
         names = archive.namelist()
         (wheel,) = [name for name in names if name.startswith("wheels/")]
         archive.extract(wheel, tmp_path)
-    assert {"blender_manifest.toml", "__init__.py", "worker_client.py"} <= set(names)
+    assert {"blender_manifest.toml", "__init__.py", "worker/worker_client.py"} <= set(names)
     assert not [name for name in names if "datagen" in name or "demo_scene" in name]
     with zipfile.ZipFile(tmp_path / wheel) as archive:
         packed = [name for name in archive.namelist() if name.endswith(".py")]

@@ -26,12 +26,12 @@ from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
 from .. import playables
 from ..bake import bake_of
-from ..demo_scene import DemoSpec, read_spec
-from ..pixels import use_exact_colours
+from ..filming.pixels import use_exact_colours
 from ..scene_bridge import action_names, look_through, playable_objects
-from ..session import session
 from ..volumes import FACES
+from ..worker.session import session
 from .compositor import Compositor
+from .demo_scene import DemoSpec, read_spec
 
 EDGE = 0.7
 """Metres."""

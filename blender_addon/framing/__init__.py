@@ -4,14 +4,7 @@ from ..registration import in_order
 
 
 def _parts() -> tuple:
-    from . import (
-        box_operators,
-        camera_operators,
-        camera_panel,
-        operators,
-        panels,
-        picture_tools,
-    )
+    from . import box_operators, camera_operators, camera_panel, operators, panels, picture_tools
 
     return (
         operators,

@@ -5,10 +5,10 @@ from bpy.props import StringProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
-from .. import questions
-from ..replies import DetectedBoxes
-from ..session import session
-from ..worker_operator import Task, WorkerOperator, allowed, failed, model_path
+from ..worker import questions
+from ..worker.replies import DetectedBoxes
+from ..worker.session import session
+from ..worker.worker_operator import Task, WorkerOperator, allowed, failed, model_path
 from .box_limits import Box, all_inside
 from .picture_source import find_picture
 from .readiness import edits_of

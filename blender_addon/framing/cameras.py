@@ -12,9 +12,9 @@ from pe_runtime.contract.camera import Camera, camera_from_blender
 from pe_runtime.contract.errors import CameraError, ShotError
 from pe_runtime.contract.model_facts import ModelFacts
 
-from ..replies import MatchedCamera
 from ..scene_bridge import inverse_of, lens_of
 from ..usual_camera import put_camera, usual_camera
+from ..worker.replies import MatchedCamera
 from .landmarks import FEWEST, focal_of, misses
 
 Size = tuple[int, int]

@@ -9,10 +9,10 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.model_facts import ModelFacts
 
-from .. import questions
-from ..session import session
 from ..usual_camera import usual_camera
-from ..worker_operator import Task, WorkerOperator, allowed, model_path
+from ..worker import questions
+from ..worker.session import session
+from ..worker.worker_operator import Task, WorkerOperator, allowed, model_path
 from .cameras import environment_matrix, scene_camera, seen_by
 from .opening import (
     Opening,

@@ -12,7 +12,7 @@ from bpy.props import FloatVectorProperty, IntProperty, StringProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
-from ..worker_operator import allowed, failed
+from ..worker.worker_operator import allowed, failed
 from .backdrop import shown_size
 from .box_drawing import BoxDrawing
 from .box_limits import inside

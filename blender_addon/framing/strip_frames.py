@@ -15,8 +15,8 @@ import numpy as np
 
 from pe_runtime.contract.errors import ShotError
 
+from ..filming.pixels import use_exact_colours
 from ..pictures import pixels_of, read_picture
-from ..pixels import use_exact_colours
 
 PICTURED = ("IMAGE", "MOVIE")
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
-from ..background import BackgroundCall, Work
-from ..runtime_python import VARIABLE, Places, find_python
+from ..worker.background import BackgroundCall, Work
+from ..worker.runtime_python import VARIABLE, Places, find_python
 from .plan import SetUpPlan
 from .processes import StoppedError
 from .runtime_state import CHECKING, RuntimeState, check

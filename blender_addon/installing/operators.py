@@ -10,8 +10,8 @@ from bpy.props import EnumProperty, StringProperty
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
 from ..panel import label_lines, wrapped_label
-from ..session import session
-from ..worker_operator import Result, allowed, failed
+from ..worker.session import session
+from ..worker.worker_operator import Result, allowed, failed
 from . import redrawing
 from .installation import DONE, installation
 from .plan import (
@@ -24,12 +24,7 @@ from .plan import (
     bundled_wheel,
     offers_choice,
 )
-from .preferences import (
-    FOLDER,
-    private_folder,
-    set_up_refusal,
-    use_private_runtime,
-)
+from .preferences import FOLDER, private_folder, set_up_refusal, use_private_runtime
 from .set_up import remove
 from .words import LINE_CHARACTERS, processor_hint, question_lines, short_words
 

@@ -6,8 +6,8 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
 from ..panel import PlayablePanel, label_lines, wrapped_label
-from ..runtime_python import find_python
-from ..session import session
+from ..worker.runtime_python import find_python
+from ..worker.session import session
 from .installation import installation
 from .preferences import ADDON, draw_progress, set_up_refusal
 from .words import WAY, worker_words

@@ -6,9 +6,9 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 from bpy.props import StringProperty
 
-from .. import session
 from ..panel import label_lines, wrapped_label
-from ..runtime_python import VARIABLE, Places, own_python
+from ..worker import session
+from ..worker.runtime_python import VARIABLE, Places, own_python
 from .installation import installation
 from .plan import ENVIRONMENT, bundled_wheel
 from .redrawing import follow

@@ -8,9 +8,9 @@ import pe_runtime
 from pe_runtime.contract.errors import WorkerError
 from pe_runtime.contract.messages import PROTOCOL
 
-from ..replies import WorkerCancelledError
-from ..runtime_python import RuntimePython
-from ..worker_client import WorkerClient, worker_command
+from ..worker.replies import WorkerCancelledError
+from ..worker.runtime_python import RuntimePython
+from ..worker.worker_client import WorkerClient, worker_command
 from .processes import StoppedError, Watch, run
 
 UNKNOWN, CHECKING, READY = "unknown", "checking", "ready"

@@ -11,17 +11,10 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ..runtime_python import PRIVATE, RuntimePython, python_of
+from ..worker.runtime_python import PRIVATE, RuntimePython, python_of
 from .folder_lock import folder_lock
 from .pip_progress import PipProgress
-from .plan import (
-    ENVIRONMENT,
-    GIGABYTE,
-    NEWEST_PYTHON,
-    OLDEST_PYTHON,
-    SetUpError,
-    SetUpPlan,
-)
+from .plan import ENVIRONMENT, GIGABYTE, NEWEST_PYTHON, OLDEST_PYTHON, SetUpError, SetUpPlan
 from .processes import OnLine, Watch, run
 from .runtime_state import READY, RuntimeState, check
 

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import pe_runtime
 
-from ..runtime_python import CHOSEN, OWN, PRIVATE, VARIABLE
+from ..worker.runtime_python import CHOSEN, OWN, PRIVATE, VARIABLE
 from ..wrapping import SIDEBAR_CHARACTERS, wrapped
 from .plan import GIGABYTE, SetUpPlan, offers_choice
 from .runtime_state import BROKEN, CHECKING, MISSING, READY, UNKNOWN, WRONG_VERSION, RuntimeState

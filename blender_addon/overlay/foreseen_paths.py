@@ -8,16 +8,7 @@ import numpy as np
 
 from pe_runtime.contract.model_facts import Volume
 
-from .scene_lines import (
-    OF_OBJECTS,
-    Colour,
-    SceneLines,
-    dots,
-    faded,
-    joined,
-    label,
-    strokes,
-)
+from .scene_lines import OF_OBJECTS, Colour, SceneLines, dots, faded, joined, label, strokes
 
 PAST = 0.35
 """Opacity of what lies before the current frame."""

@@ -10,7 +10,7 @@ from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 from ..bake import Output, bake_of
 from ..playing.stand_in import moment_at, stand_in_for
 from ..scene_bridge import frames_per_second, wanted_passes
-from ..worker_operator import Result, allowed, failed
+from ..worker.worker_operator import Result, allowed, failed
 from .exported_shot import film_of, write_film
 
 SUFFIX = ".json"

@@ -7,7 +7,7 @@ from pe_runtime.contract.errors import PlayableEnvironmentError
 
 from ..bake import bake_of
 from ..playing.stand_in import moment_at, stand_in_for
-from ..worker_operator import Result, allowed, failed
+from ..worker.worker_operator import Result, allowed, failed
 from .places import ALL, FRAME, ONWARDS, follow_path, leave_path
 from .pose_operators import playable_chosen
 

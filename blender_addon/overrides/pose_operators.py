@@ -6,7 +6,7 @@ from bpy.props import BoolProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
-from ..worker_operator import Result, allowed, failed
+from ..worker.worker_operator import Result, allowed, failed
 from .key_history import POSE_PATH, key_from
 
 HOLDING = "Keep the pose of this frame from here on, wherever the object goes (keys Held)"

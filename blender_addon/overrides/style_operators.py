@@ -8,15 +8,15 @@ from bpy.props import StringProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
-from .. import questions
 from ..framing.box_limits import Box, all_inside
 from ..framing.opening import boxes_from_json, check_names
 from ..pictures import read_picture
 from ..playables import Picture
 from ..scene_bridge import read_camera
-from ..session import session
 from ..usual_camera import usual_camera
-from ..worker_operator import Result, Task, WorkerOperator, allowed, failed, model_path
+from ..worker import questions
+from ..worker.session import session
+from ..worker.worker_operator import Result, Task, WorkerOperator, allowed, failed, model_path
 from .style_sources import Encoded, add_from_picture, add_from_scene, remove_style
 
 

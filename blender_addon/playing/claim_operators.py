@@ -11,8 +11,8 @@ from pe_runtime.contract.model_facts import ModelFacts
 
 from .. import playables
 from ..framing.settings import read_facts
-from ..session import session
-from ..worker_operator import Result, Task, WorkerOperator, allowed, model_path
+from ..worker.session import session
+from ..worker.worker_operator import Result, Task, WorkerOperator, allowed, model_path
 from .claims import free_names, left_out, other_claims
 
 _offered: list[tuple[str, str, str]] = []

@@ -11,8 +11,8 @@ import numpy as np
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import ShotError
 
-from ..replies import WorkerCancelledError
-from ..worker_client import OnProgress, ShouldStop
+from ..worker.replies import WorkerCancelledError
+from ..worker.worker_client import OnProgress, ShouldStop
 
 MOST_GAPS = 0.25
 """Share of the pictures in which an object may be missing; it is put between its neighbours."""

@@ -9,21 +9,14 @@ from bpy.props import EnumProperty
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
-from .. import playables, questions
+from .. import playables
 from ..framing.readiness import edits_of
 from ..scene_bridge import action_names, frames_per_second, playable_objects
-from ..session import session
-from ..worker_operator import Result, Task, WorkerOperator, allowed, model_path
+from ..worker import questions
+from ..worker.session import session
+from ..worker.worker_operator import Result, Task, WorkerOperator, allowed, model_path
 from .action_keys import delete_key_at, keyed_frames
-from .clip_actions import (
-    Box,
-    ClipFrame,
-    PictureFeed,
-    ReadActions,
-    State,
-    read_actions,
-    step_frames,
-)
+from .clip_actions import Box, ClipFrame, PictureFeed, ReadActions, State, read_actions, step_frames
 from .clip_reading import ClipSource, covering_strip, tracked_names
 
 SOURCES = (

@@ -9,7 +9,7 @@ from pe_runtime.contract.errors import PlayableEnvironmentError
 from .. import playables
 from ..scene_bridge import action_names
 from ..settings import action_items
-from ..worker_operator import Result, allowed, failed
+from ..worker.worker_operator import Result, allowed, failed
 from .action_keys import delete_key_at, keyed_frames, neighbour, next_playable, players_at_hand
 
 NONE_CHOSEN = "Select a playable Empty first"

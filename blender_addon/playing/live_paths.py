@@ -15,12 +15,12 @@ import bpy
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
 from .. import playables
-from ..background import BackgroundCall
 from ..bake import Bake, bake_of
 from ..keyed_paths import baked_from, continue_bake
-from ..replies import PredictedPaths, WorkerCancelledError
 from ..scene_bridge import Moment, shot_from_moments
-from ..worker_operator import model_path
+from ..worker.background import BackgroundCall
+from ..worker.replies import PredictedPaths, WorkerCancelledError
+from ..worker.worker_operator import model_path
 from .same_shot import first_difference
 from .signature import Signature, signature_of
 from .stand_in import moment_at, stand_in_for

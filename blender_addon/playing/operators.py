@@ -4,10 +4,10 @@ import bpy
 
 from .. import playables
 from ..keyed_paths import write_bake
-from ..replies import PredictedPaths
 from ..scene_bridge import sample_range, shot_from_moments
-from ..session import session
-from ..worker_operator import Task, WorkerOperator, allowed, model_path
+from ..worker.replies import PredictedPaths
+from ..worker.session import session
+from ..worker.worker_operator import Task, WorkerOperator, allowed, model_path
 from .signature import signature_of
 from .stepping import action_warnings, step_actions
 from .watching import live

@@ -8,7 +8,7 @@ from time import monotonic
 import bpy
 from bpy.app.handlers import persistent
 
-from ..session import session
+from ..worker.session import session
 from .live_paths import LivePaths
 
 live = LivePaths(session.rollout)

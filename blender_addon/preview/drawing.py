@@ -9,7 +9,7 @@ import numpy as np
 from bpy.app.translations import pgettext_iface as iface_
 from gpu_extras.presets import draw_texture_2d
 
-from ..pixels import PassMemory
+from ..filming.pixels import PassMemory
 from .view_camera import Rect
 
 FONT = 0

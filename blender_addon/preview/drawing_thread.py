@@ -2,9 +2,9 @@
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
-from ..background import BackgroundCall
-from ..replies import WorkerCancelledError
-from ..session import Session
+from ..worker.background import BackgroundCall
+from ..worker.replies import WorkerCancelledError
+from ..worker.session import Session
 from .desk import Desk, Job
 
 STOPPED_MESSAGE = (

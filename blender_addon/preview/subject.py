@@ -22,7 +22,7 @@ from ..scene_bridge import (
     read_tracks,
     world_from_environment,
 )
-from ..worker_operator import model_path
+from ..worker.worker_operator import model_path
 from .desk import Wish
 
 QUALITY = "draft"

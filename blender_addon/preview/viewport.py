@@ -11,7 +11,7 @@ from bpy.app.translations import pgettext_iface as iface_
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
-from ..session import session
+from ..worker.session import session
 from .desk import Desk, Shown, Wish
 from .drawing_thread import Drawer
 from .looking import covered_bottom, is_covered, look

@@ -12,7 +12,7 @@ import bpy
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
-from ..range_stop import stop_reasons
+from ..filming.range_stop import stop_reasons
 from .job import RangeJob, file_name
 from .manifest import FrameNote, note_frames
 from .plan import Plan

@@ -13,7 +13,7 @@ from pathlib import Path
 import bpy
 from bpy.app.handlers import persistent
 
-from ..pixels import TELLTALES, use_equal_files
+from ..filming.pixels import TELLTALES, use_equal_files
 from ..scene_bridge import picture_only
 from .job import DIGITS, PREFIX, RangeJob
 

@@ -14,7 +14,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 from bpy.props import IntProperty, StringProperty
 
-from ..worker_operator import Result, allowed
+from ..worker.worker_operator import Result, allowed
 from .job import RangeJob, source_of
 from .placing import StripPlan, place_strip
 from .provenance import provenance_of

@@ -2,7 +2,7 @@
 
 import bpy
 
-from ..exact_colours import draw_colour_changes
+from ..filming.exact_colours import draw_colour_changes
 from ..panel import PlayablePanel, wrapped_label
 from .provenance import read_provenance, scene_of_strip
 from .running import shown_progress

@@ -10,10 +10,10 @@ from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
 
-from .. import questions
-from ..frame_origin import frame_origin
-from ..session import session
-from ..worker_client import OnProgress, ShouldStop
+from ..filming.frame_origin import frame_origin
+from ..worker import questions
+from ..worker.session import session
+from ..worker.worker_client import OnProgress, ShouldStop
 from .job import RangeJob
 from .manifest import FILE_NAME, FrameNote, Manifest, read_manifest
 from .whole_files import FileFacts, facts_of

@@ -10,7 +10,7 @@ import pe_runtime
 from pe_runtime.contract.model_facts import ModelFacts
 
 from ..bake import bake_of
-from ..frame_origin import state_digest
+from ..filming.frame_origin import state_digest
 from .job import RangeJob, scene_of
 
 JOB_KEY = "playable_environment_job"

@@ -9,7 +9,7 @@ from bpy.props import BoolProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
-from ..worker_operator import Result, end_modal, failed, show_progress, start_modal
+from ..worker.worker_operator import Result, end_modal, failed, show_progress, start_modal
 from .job import RangeJob, claim_job, job_for
 from .placing import show_new_pixels
 from .plan import ForeignFilesError, foreign_files

@@ -16,7 +16,7 @@ from bpy.app.translations import pgettext_iface as iface_
 from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.model_facts import ModelFacts
 
-from ..background import BackgroundCall
+from ..worker.background import BackgroundCall
 from .arrivals import Arrivals
 from .job import RangeJob, file_name, source_of
 from .lending import lent_settings

@@ -6,7 +6,7 @@ import bpy
 
 from pe_runtime.contract.errors import ShotError
 
-from ..worker_operator import Result, allowed
+from ..worker.worker_operator import Result, allowed
 from .job import RangeJob
 from .operators import show_in_sequencer
 from .provenance import JOB_KEY, scene_of_strip

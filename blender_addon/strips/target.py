@@ -4,7 +4,7 @@ import bpy
 
 from pe_runtime.contract.errors import ShotError
 
-from ..pixels import colour_changes, use_exact_colours
+from ..filming.pixels import colour_changes, use_exact_colours
 from ..scene_bridge import frames_per_second
 from .wish import file_size
 

@@ -8,7 +8,7 @@ import bpy
 from pe_runtime.contract.shot import Shot
 
 from ..bake import Bake, Output, bake_of, take_of_moment
-from ..render_border import border_of
+from ..filming.render_border import border_of
 from ..scene_bridge import frames_per_second, sample_range
 from .job import RangeJob, source_of
 from .lending import composites

@@ -1,7 +1,7 @@
 """What a frame costs in Blender beyond the worker's drawing of it, part by part.
 
-Blender runs in a process of its own (`blender_addon.path_costs`) with a real worker. A frame's
-overhead is its wall time in Blender minus the seconds for which the worker says it drew.
+Blender runs in a process of its own (`blender_addon.examples.path_costs`) with a real worker. A
+frame's overhead is its wall time in Blender minus the seconds for which the worker says it drew.
 """
 
 import dataclasses
@@ -23,7 +23,7 @@ from pe_runtime.images import write_png
 from pe_runtime.shots.clips import sample_clip, start_from_clip
 from pe_runtime.worker.fake_world import FakeWorld
 
-BLENDER_PROGRAM = ("-m", "blender_addon.path_costs")
+BLENDER_PROGRAM = ("-m", "blender_addon.examples.path_costs")
 FAKE = "fake"
 WIDTH, HEIGHT = 512, 288
 FRAMES = 24
@@ -142,7 +142,7 @@ def blender_path_section(job: PathJob | None = None) -> dict[str, Any]:
 
 
 def _spec(job: PathJob, folder: Path) -> dict[str, Any]:
-    """What `blender_addon.path_costs.CostSpec` asks for."""
+    """What `blender_addon.examples.path_costs.CostSpec` asks for."""
     start = job.start or _usual_start(job, folder)
     fake = job.model == FAKE
     worker = ["--fake"] if fake else ["--device", job.device]

@@ -20,7 +20,7 @@ from pe_runtime.images import read_image
 from pe_runtime.shots.action_text import Runs, keys_of, parse_actions
 from pe_runtime.shots.clips import start_from_clip
 
-BLENDER_PROGRAM = ("-m", "blender_addon.demo_scene")
+BLENDER_PROGRAM = ("-m", "blender_addon.examples.demo_scene")
 FRAMES, FPS = 24, 12
 CAMERA_MOVE = {"azimuth_degrees": 12.0, "dolly_metres": -0.5}
 SHEET_FRAMES = 8

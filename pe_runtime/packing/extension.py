@@ -9,7 +9,7 @@ from pe_runtime.packing.manifest_checks import MANIFEST, check_manifest
 from pe_runtime.packing.wheels import RUNTIME, PackingError, contract_wheel, runtime_wheel
 
 ADDON = RUNTIME.parent / "blender_addon"
-LEFT_OUT = frozenset(("datagen", "examples", "demo_scene.py", "path_costs.py"))
+LEFT_OUT = frozenset(("datagen", "examples"))
 """What belongs to a checkout with torch or a `bpy` wheel, and not into Blender."""
 
 

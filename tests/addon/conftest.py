@@ -18,7 +18,7 @@ def addon():
     """The registered add-on in an empty factory file; its session talks to the fake worker."""
     bpy = pytest.importorskip("bpy")
     import blender_addon
-    from blender_addon.session import session
+    from blender_addon.worker.session import session
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
     blender_addon.register()

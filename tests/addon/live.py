@@ -3,7 +3,7 @@
 import time
 
 from blender_addon.playing.live_paths import IDLE, LivePaths
-from blender_addon.session import session
+from blender_addon.worker.session import session
 
 DEADLINE = 60.0
 

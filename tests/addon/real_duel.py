@@ -2,7 +2,7 @@
 
 import sys
 
-from blender_addon.worker_client import worker_command
+from blender_addon.worker.worker_client import worker_command
 from pe_runtime.contract.shot import SHOT_VERSION, ObjectTrack, Shot
 from pe_runtime.environment import MODELS
 from pe_runtime.shots.clips import start_from_clip

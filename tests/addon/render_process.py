@@ -11,7 +11,7 @@ import bpy
 from addon import stage
 
 import blender_addon
-from blender_addon.session import session
+from blender_addon.worker.session import session
 
 
 def render_for_ever(folder):

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 its own documentation's name
 
-from blender_addon.worker_client import worker_command
+from blender_addon.worker.worker_client import worker_command
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.shot import SHOT_VERSION, ObjectTrack, Shot, Start
 

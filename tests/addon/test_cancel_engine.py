@@ -15,10 +15,10 @@ import pytest
 from addon.stage import FAKE, faulty, read_png
 
 bpy = pytest.importorskip("bpy")
-from blender_addon import engine, frame_watch, written_files  # noqa: E402 - after the check for Blender
-from blender_addon.engine import PlayableEnvironmentEngine  # noqa: E402
-from blender_addon.replies import WorkerCancelledError  # noqa: E402
-from blender_addon.written_files import cut_off  # noqa: E402
+from blender_addon.filming import engine, frame_watch, written_files  # noqa: E402 - after the check for Blender
+from blender_addon.filming.engine import PlayableEnvironmentEngine  # noqa: E402
+from blender_addon.filming.written_files import cut_off  # noqa: E402
+from blender_addon.worker.replies import WorkerCancelledError  # noqa: E402
 
 pytestmark = pytest.mark.blender
 COUNT, MOMENTS = 12, 20
@@ -159,7 +159,7 @@ def test_esc_is_heard_in_every_stage_before_the_worker_has_an_answer(
 
 
 def test_esc_is_heard_while_a_picture_is_encoded(scene, addon):
-    from blender_addon.background import BackgroundCall
+    from blender_addon.worker.background import BackgroundCall
     from pe_runtime.contract.camera import Camera
 
     addon.use_command(faulty("slow_to_encode"))
@@ -223,7 +223,7 @@ import os, random, resource, signal, sys
 import bpy
 from addon import stage
 import blender_addon
-from blender_addon.session import session
+from blender_addon.worker.session import session
 film, folder = sys.argv[1:]
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 blender_addon.register()
@@ -319,7 +319,7 @@ import os, sys
 import bpy
 import blender_addon
 from addon import stage
-from blender_addon.session import session
+from blender_addon.worker.session import session
 film, folder = sys.argv[1:]
 blender_addon.register()
 bpy.ops.wm.open_mainfile(filepath=film)

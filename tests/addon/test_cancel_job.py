@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 bpy = pytest.importorskip("bpy")
-from blender_addon.range_stop import stop_reasons  # noqa: E402 - after the check for Blender
+from blender_addon.filming.range_stop import stop_reasons  # noqa: E402 - after the check for Blender
 from blender_addon.strips import lending, staging  # noqa: E402
 from blender_addon.strips.job import job_for  # noqa: E402
 from blender_addon.strips.placing import strips_of  # noqa: E402
@@ -105,7 +105,7 @@ import bpy
 sys.argv[1:] = ["", *sys.argv[1:]]
 from addon import render_process, stage
 import blender_addon
-from blender_addon.session import session
+from blender_addon.worker.session import session
 film, folder = sys.argv[2:]
 blender_addon.register()
 bpy.ops.wm.open_mainfile(filepath=film)

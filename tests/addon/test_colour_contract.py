@@ -10,7 +10,7 @@ pytestmark = pytest.mark.blender
 
 from blender_addon import playables  # noqa: E402
 from blender_addon.bake import Output, bake_of, take_as_baked  # noqa: E402
-from blender_addon.pixels import use_exact_colours  # noqa: E402
+from blender_addon.filming.pixels import use_exact_colours  # noqa: E402
 from blender_addon.scene_bridge import playable_objects  # noqa: E402
 
 FRAMES = range(1, 5)

@@ -35,7 +35,7 @@ def run_demo(tmp_path, picture, **changes):
     } | changes
     path = tmp_path / "spec.json"
     path.write_text(json.dumps(spec))
-    command = [sys.executable, "-m", "blender_addon.demo_scene", "--spec", str(path)]
+    command = [sys.executable, "-m", "blender_addon.examples.demo_scene", "--spec", str(path)]
     return subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
 
 
@@ -85,7 +85,7 @@ def test_a_spec_that_cannot_be_filmed_ends_with_its_reason(tmp_path, picture):
 
 @pytest.mark.parametrize("text", ['{"colour": "blue"}', '{"image": "a.png"}', "[1]", "no json"])
 def test_a_malformed_spec_is_refused_with_the_known_keys(tmp_path, text):
-    from blender_addon.demo_scene import read_spec
+    from blender_addon.examples.demo_scene import read_spec
 
     (tmp_path / "spec.json").write_text(text)
     with pytest.raises(ShotError, match="a spec has the keys image, camera, boxes"):

@@ -27,9 +27,9 @@ from blender_addon.bake import (  # noqa: E402
     take_as_baked,
     take_of_moment,
 )
-from blender_addon.pixels import FAR_AWAY  # noqa: E402
-from blender_addon.replies import WorkerCancelledError  # noqa: E402
+from blender_addon.filming.pixels import FAR_AWAY  # noqa: E402
 from blender_addon.scene_bridge import playable_objects, sample_range  # noqa: E402
+from blender_addon.worker.replies import WorkerCancelledError  # noqa: E402
 
 pytestmark = pytest.mark.blender
 
@@ -227,7 +227,7 @@ def test_colour_settings_that_would_change_bytes_are_named(baked, tmp_path, capf
 
 
 def test_cancelling_returns_while_the_worker_is_still_drawing(baked, addon, tmp_path, monkeypatch):
-    from blender_addon.engine import PlayableEnvironmentEngine
+    from blender_addon.filming.engine import PlayableEnvironmentEngine
 
     addon.use_command(faulty("slow"))
     addon.facts("fake")

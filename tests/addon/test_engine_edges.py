@@ -5,8 +5,8 @@ import pytest
 from addon.stage import read_png
 
 bpy = pytest.importorskip("bpy")
-from blender_addon.engine import LAST_WORDS, one_line  # noqa: E402 - after the check for Blender
-from blender_addon.session import session  # noqa: E402
+from blender_addon.filming.engine import LAST_WORDS, one_line  # noqa: E402 - after the check for Blender
+from blender_addon.worker.session import session  # noqa: E402
 
 pytestmark = pytest.mark.blender
 
@@ -109,7 +109,7 @@ def test_two_cameras_by_markers_are_both_followed(baked, tmp_path):
 
 
 def test_progress_ends_at_one_and_words_tell_the_stages(baked, addon, monkeypatch):
-    from blender_addon import engine, frame_watch
+    from blender_addon.filming import engine, frame_watch
 
     shares, words = [], []
 

@@ -5,7 +5,7 @@ import pytest
 from addon.stage import read_png
 
 bpy = pytest.importorskip("bpy")
-from blender_addon.exact_colours import all_colour_changes, draw_colour_changes  # noqa: E402
+from blender_addon.filming.exact_colours import all_colour_changes, draw_colour_changes  # noqa: E402
 
 pytestmark = pytest.mark.blender
 

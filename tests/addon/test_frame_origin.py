@@ -10,7 +10,7 @@ from addon.stage import render_layers
 bpy = pytest.importorskip("bpy")
 from blender_addon import playables  # noqa: E402 - after the check for Blender
 from blender_addon.bake import bake_of  # noqa: E402
-from blender_addon.frame_origin import PREFIX, state_digest  # noqa: E402
+from blender_addon.filming.frame_origin import PREFIX, state_digest  # noqa: E402
 from blender_addon.scene_bridge import playable_objects  # noqa: E402
 from blender_addon.state_files import file_name, stored_state  # noqa: E402
 from pe_runtime.contract.shot import Start  # noqa: E402

@@ -2,10 +2,16 @@
 
 import pytest
 
-from blender_addon import frame_watch
-from blender_addon.frame_watch import FrameWatch, Place, place_in_range
-from blender_addon.pace import REMEMBERED, SAVING_SECONDS, Pace, duration_in_words, seconds_left
-from blender_addon.pace import share_done as share
+from blender_addon.filming import frame_watch
+from blender_addon.filming.frame_watch import FrameWatch, Place, place_in_range
+from blender_addon.filming.pace import (
+    REMEMBERED,
+    SAVING_SECONDS,
+    Pace,
+    duration_in_words,
+    seconds_left,
+)
+from blender_addon.filming.pace import share_done as share
 
 
 class Bar:

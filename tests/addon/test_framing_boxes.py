@@ -37,8 +37,8 @@ def test_boxes_are_detected(settings, capfd):
 
 
 def test_a_box_that_was_drawn_stays_where_nobody_is_found(settings, monkeypatch):
-    from blender_addon import questions
-    from blender_addon.replies import DetectedBoxes
+    from blender_addon.worker import questions
+    from blender_addon.worker.replies import DetectedBoxes
 
     settings.boxes["player_2"].box = BOXES["player_2"]
     found = DetectedBoxes({"player_1": (1.0, 2.0, 70.0, 20.0)}, {"player_1": 0.5})

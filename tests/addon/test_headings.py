@@ -12,8 +12,8 @@ from blender_addon import playables  # noqa: E402 - after the check for Blender
 from blender_addon.bake import Output, bake_of, take_as_baked, take_of_moment  # noqa: E402
 from blender_addon.fcurves import curves_of  # noqa: E402
 from blender_addon.keyed_paths import write_bake  # noqa: E402
-from blender_addon.replies import PredictedPaths  # noqa: E402
 from blender_addon.scene_bridge import playable_objects, sample_range  # noqa: E402
+from blender_addon.worker.replies import PredictedPaths  # noqa: E402
 from pe_runtime.contract.errors import ShotError  # noqa: E402
 from pe_runtime.worker.fake_world import FIRST_HEADING, MODELS, TURNS  # noqa: E402
 

@@ -35,11 +35,11 @@ from blender_addon.scene_bridge import (  # noqa: E402
     playable_objects,
     sample_range,
 )
-from blender_addon.session import session  # noqa: E402
 from blender_addon.settings import action_items  # noqa: E402
 from blender_addon.strips.timing import span  # noqa: E402
 from blender_addon.volumes import VOLUME_KEY  # noqa: E402
-from blender_addon.worker_client import worker_command  # noqa: E402
+from blender_addon.worker.session import session  # noqa: E402
+from blender_addon.worker.worker_client import worker_command  # noqa: E402
 
 pytestmark = pytest.mark.blender
 

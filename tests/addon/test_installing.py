@@ -14,7 +14,7 @@ from blender_addon.installing import operators, panels, preferences  # noqa: E40
 from blender_addon.installing.installation import DONE, STOPPED, installation  # noqa: E402
 from blender_addon.installing.plan import ENVIRONMENT  # noqa: E402
 from blender_addon.installing.runtime_state import BROKEN, MISSING, READY, UNKNOWN  # noqa: E402
-from blender_addon.runtime_python import NO_RUNTIME, VARIABLE, Places, python_of  # noqa: E402
+from blender_addon.worker.runtime_python import NO_RUNTIME, VARIABLE, Places, python_of  # noqa: E402
 
 
 class Layout:

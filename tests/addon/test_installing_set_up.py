@@ -16,7 +16,7 @@ from blender_addon.installing.plan import COSTS, CPU, GPU, Cost, SetUpError
 from blender_addon.installing.processes import StoppedError
 from blender_addon.installing.runtime_state import READY
 from blender_addon.installing.set_up import LOG, remove, set_up
-from blender_addon.runtime_python import CHOSEN, RuntimePython
+from blender_addon.worker.runtime_python import CHOSEN, RuntimePython
 
 PYTHON = sys.executable
 

@@ -19,7 +19,7 @@ from blender_addon.installing.runtime_state import (
     WRONG_VERSION,
     check,
 )
-from blender_addon.runtime_python import (
+from blender_addon.worker.runtime_python import (
     CHOSEN,
     NO_RUNTIME,
     OWN,

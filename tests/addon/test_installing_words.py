@@ -39,7 +39,7 @@ from blender_addon.installing.words import (
     words_of,
     worker_words,
 )
-from blender_addon.runtime_python import CHOSEN, VARIABLE
+from blender_addon.worker.runtime_python import CHOSEN, VARIABLE
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 from addon.stage import read_png
 
 bpy = pytest.importorskip("bpy")
-from blender_addon.session import session  # noqa: E402 - after the check for Blender
+from blender_addon.worker.session import session  # noqa: E402 - after the check for Blender
 
 pytestmark = pytest.mark.blender
 FRAMES, WARM_UP = 500, 50

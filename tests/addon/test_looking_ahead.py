@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from addon.stage import FAKE, faulty, front_camera, read_png, shot_of
 
-from blender_addon import worker_client
-from blender_addon.replies import WorkerCancelledError
-from blender_addon.session import Session
-from blender_addon.worker_client import WorkerClient
+from blender_addon.worker import worker_client
+from blender_addon.worker.replies import WorkerCancelledError
+from blender_addon.worker.session import Session
+from blender_addon.worker.worker_client import WorkerClient
 
 
 def take_of(whole, frame, **changes):

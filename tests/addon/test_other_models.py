@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from addon.stage import BOXES, HEIGHT, WIDTH, front_camera, picture_of, read_png
 
-from blender_addon.session import Session
+from blender_addon.worker.session import Session
 
 bpy = pytest.importorskip("bpy")
 from blender_addon import playables  # noqa: E402 - after the check for Blender

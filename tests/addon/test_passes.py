@@ -9,12 +9,12 @@ from addon.stage import BOXES, HEIGHT, WIDTH, exr_channels, render_layers
 bpy = pytest.importorskip("bpy")
 from blender_addon import playables  # noqa: E402 - after the check for Blender
 from blender_addon.bake import bake_of  # noqa: E402
-from blender_addon.pixels import FAR_AWAY, PassMemory  # noqa: E402
-from blender_addon.render_passes import blender_pass, layer_name, mask_name  # noqa: E402
+from blender_addon.filming.pixels import FAR_AWAY, PassMemory  # noqa: E402
+from blender_addon.filming.render_passes import blender_pass, layer_name, mask_name  # noqa: E402
 from blender_addon.scene_bridge import inverse_of, playable_objects, wanted_passes  # noqa: E402
-from blender_addon.session import Session  # noqa: E402
 from blender_addon.strips.job import job_for  # noqa: E402
 from blender_addon.strips.lending import lent_settings  # noqa: E402
+from blender_addon.worker.session import Session  # noqa: E402
 
 pytestmark = pytest.mark.blender
 

@@ -8,8 +8,8 @@ from addon.stage import read_png
 bpy = pytest.importorskip("bpy")
 pytestmark = pytest.mark.blender
 
-from blender_addon.demo_scene import DemoSpec  # noqa: E402
 from blender_addon.examples import passing_cube  # noqa: E402
+from blender_addon.examples.demo_scene import DemoSpec  # noqa: E402
 from blender_addon.scene_bridge import playable_objects  # noqa: E402
 
 BOXES = {"player_1": (16.0, 8.0, 25.0, 34.0), "player_2": (38.0, 8.0, 45.0, 25.5)}

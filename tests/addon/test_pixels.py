@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from blender_addon.pixels import FAR_AWAY, PassMemory, memory_for
+from blender_addon.filming.pixels import FAR_AWAY, PassMemory, memory_for
 
 
 def linear(encoded):

@@ -12,7 +12,7 @@ from blender_addon.playing.clip_actions import (
     read_actions,
     step_frames,
 )
-from blender_addon.replies import WorkerCancelledError
+from blender_addon.worker.replies import WorkerCancelledError
 from pe_runtime.contract.camera import project
 from pe_runtime.contract.errors import ShotError
 

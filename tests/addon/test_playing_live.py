@@ -11,8 +11,8 @@ from blender_addon.bake import bake_of  # noqa: E402
 from blender_addon.fcurves import curves_of  # noqa: E402
 from blender_addon.playing import live_paths  # noqa: E402
 from blender_addon.playing.live_paths import BUSY, UPDATING  # noqa: E402
-from blender_addon.replies import WorkerCancelledError  # noqa: E402
 from blender_addon.scene_bridge import playable_objects, sample_range  # noqa: E402
+from blender_addon.worker.replies import WorkerCancelledError  # noqa: E402
 from pe_runtime.contract.errors import WorkerError  # noqa: E402
 
 pytestmark = pytest.mark.blender
@@ -263,7 +263,7 @@ def failing(error):
 
 
 def live_paths_session():
-    from blender_addon.session import session
+    from blender_addon.worker.session import session
 
     return session
 

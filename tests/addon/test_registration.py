@@ -42,7 +42,7 @@ blender_addon.unregister()
 compare(everything(), before, "at the end")
 """
 BUSY = """
-from blender_addon.session import session
+from blender_addon.worker.session import session
 blender_addon.register()
 session.use_command(stage.FAKE)
 session.facts("fake")

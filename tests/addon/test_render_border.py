@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from addon.stage import HEIGHT, WIDTH, read_png
 
-from blender_addon.render_border import Border
+from blender_addon.filming.render_border import Border
 
 bpy = pytest.importorskip("bpy")
 from blender_addon.scene_bridge import playable_objects  # noqa: E402 - after the check for Blender
-from blender_addon.session import Session  # noqa: E402
+from blender_addon.worker.session import Session  # noqa: E402
 
 pytestmark = pytest.mark.blender
 
@@ -115,7 +115,7 @@ def test_cropped_or_not_the_pixels_are_those_of_the_whole_frame(baked, asked, tm
 
 
 def test_passes_are_cropped_like_the_picture(baked, tmp_path, monkeypatch):
-    from blender_addon.engine import PlayableEnvironmentEngine
+    from blender_addon.filming.engine import PlayableEnvironmentEngine
 
     drawn, hand_over = [], PlayableEnvironmentEngine._hand_over
     monkeypatch.setattr(

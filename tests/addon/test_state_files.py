@@ -15,7 +15,7 @@ from addon.stage import read_png
 
 from blender_addon import state_files
 from blender_addon.state_files import file_name, portable, state_file, stored_state
-from blender_addon.worker_client import WorkerClient
+from blender_addon.worker.worker_client import WorkerClient
 from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.shot import ObjectTrack, Start, StyleMix
 

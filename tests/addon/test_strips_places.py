@@ -10,7 +10,7 @@ from addon.stage import read_png
 bpy = pytest.importorskip("bpy")
 from blender_addon import playables  # noqa: E402 - after the check for Blender
 from blender_addon.bake import bake_of  # noqa: E402
-from blender_addon.frame_origin import state_digest  # noqa: E402
+from blender_addon.filming.frame_origin import state_digest  # noqa: E402
 from blender_addon.scene_bridge import playable_objects  # noqa: E402
 from blender_addon.strips.placing import StripPlan, place_strip, strips_of  # noqa: E402
 from blender_addon.strips.provenance import read_provenance, scene_of_strip  # noqa: E402

@@ -5,11 +5,11 @@ import threading
 import pytest
 from addon.stage import FAKE, faulty, shot_of
 
-from blender_addon import turns
-from blender_addon.background import BackgroundCall
-from blender_addon.replies import WorkerCancelledError
-from blender_addon.session import READY, Session
-from blender_addon.turns import Turns
+from blender_addon.worker import turns
+from blender_addon.worker.background import BackgroundCall
+from blender_addon.worker.replies import WorkerCancelledError
+from blender_addon.worker.session import READY, Session
+from blender_addon.worker.turns import Turns
 from pe_runtime.contract.errors import WorkerError
 
 MINUTE = 60.0
@@ -164,7 +164,7 @@ def test_closing_ends_a_request_that_is_under_way(session, picture):
 
 
 def test_esc_ends_the_start_of_a_worker_and_leaves_no_process(session, monkeypatch):
-    from blender_addon.worker_client import WorkerClient
+    from blender_addon.worker.worker_client import WorkerClient
 
     processes, launch = [], WorkerClient._launch
     monkeypatch.setattr(
@@ -179,7 +179,7 @@ def test_esc_ends_the_start_of_a_worker_and_leaves_no_process(session, monkeypat
 
 
 def test_loading_goes_on_when_it_is_given_up_and_is_not_done_twice(session):
-    from blender_addon.worker_client import WorkerClient
+    from blender_addon.worker.worker_client import WorkerClient
 
     session.use_command(faulty("slow_to_load"))
     with pytest.raises(WorkerCancelledError):
@@ -200,7 +200,7 @@ def _after_the_start(session):
 
 
 def test_a_worker_that_does_not_end_what_was_cancelled_is_replaced(session, picture, monkeypatch):
-    from blender_addon import worker_client
+    from blender_addon.worker import worker_client
 
     session.use_command(faulty("slow"))
     session.facts("fake")

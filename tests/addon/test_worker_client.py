@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from addon.stage import BOXES, FAKE, HEIGHT, WIDTH, faulty, front_camera, picture_of, shot_of
 
-from blender_addon.replies import WorkerCancelledError
-from blender_addon.session import BUSY, FAILED, READY, STOPPED, Session
-from blender_addon.worker_client import WorkerClient, worker_command
+from blender_addon.worker.replies import WorkerCancelledError
+from blender_addon.worker.session import BUSY, FAILED, READY, STOPPED, Session
+from blender_addon.worker.worker_client import WorkerClient, worker_command
 from pe_runtime.contract.errors import WorkerError
 
 
@@ -203,7 +203,7 @@ def test_two_requests_at_once_are_refused_instead_of_mixed(session, picture):
 
 def test_the_client_and_the_session_need_no_blender():
     program = (
-        "import sys, blender_addon, blender_addon.session, blender_addon.background; "
+        "import sys, blender_addon, blender_addon.worker.session, blender_addon.worker.background; "
         "sys.exit(bool({'bpy', 'torch'} & set(sys.modules)))"
     )
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0

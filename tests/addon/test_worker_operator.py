@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import pytest
 
 bpy = pytest.importorskip("bpy")
-from blender_addon.replies import WorkerCancelledError  # noqa: E402 - after the check for Blender
-from blender_addon.session import session  # noqa: E402
-from blender_addon.worker_operator import Task, WorkerOperator  # noqa: E402
+from blender_addon.worker.replies import WorkerCancelledError  # noqa: E402 - after the check for Blender
+from blender_addon.worker.session import session  # noqa: E402
+from blender_addon.worker.worker_operator import Task, WorkerOperator  # noqa: E402
 from pe_runtime.contract.errors import ShotError  # noqa: E402
 
 pytestmark = pytest.mark.blender

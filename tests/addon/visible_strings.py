@@ -15,7 +15,7 @@ import bpy
 import blender_addon
 
 ROOT = Path(blender_addon.__file__).parent
-WITHOUT_WINDOW = ("datagen", "examples", "translations", "demo_scene.py", "path_costs.py")
+WITHOUT_WINDOW = ("datagen", "examples", "translations")
 ANYWHERE, OPERATOR = "*", "Operator"
 SHOWN_KEYWORDS = {"text", "heading", "title", "message", "confirm_text"}
 OPERATOR_CALLS = {"operator", "operator_menu_enum", "operator_enum"}

@@ -95,7 +95,7 @@ def test_where_blender_is_missing_or_fails_the_section_says_why(blender, program
 
 def test_the_spec_says_what_the_program_in_blender_asks_for(tmp_path):
     pytest.importorskip("bpy")
-    from blender_addon.path_costs import CostSpec
+    from blender_addon.examples.path_costs import CostSpec
 
     spec = CostSpec(**blender_path._spec(SMALL, tmp_path))
     assert spec.worker[:2] == [sys.executable, "-u"] and spec.worker[-1] == "--fake"

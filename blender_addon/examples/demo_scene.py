@@ -1,6 +1,6 @@
 """Builds, bakes, films and cuts a scene from one picture, without a window.
 
-    python -m blender_addon.demo_scene --spec spec.json
+    python -m blender_addon.examples.demo_scene --spec spec.json
 
 Every step is the operator that a user would press. See `DemoSpec` for what the file holds; the
 output folder gets frames/, demo.blend, demo.mp4 and blender_report.json.
@@ -25,12 +25,12 @@ import blender_addon
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
-from . import playables
-from .bake import bake_of
-from .scene_bridge import action_names, look_through, playable_objects
-from .session import session
-from .strips.job import job_for
-from .strips.video import write_video
+from .. import playables
+from ..bake import bake_of
+from ..scene_bridge import action_names, look_through, playable_objects
+from ..strips.job import job_for
+from ..strips.video import write_video
+from ..worker.session import session
 
 KEYS_OF_A_MOVE = 5
 
@@ -201,7 +201,7 @@ def _key_camera(scene: bpy.types.Scene, spec: DemoSpec) -> None:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Film the spec and write the report; returns the exit code, 1 after one clear message."""
-    parser = argparse.ArgumentParser(prog="blender_addon.demo_scene", description=__doc__)
+    parser = argparse.ArgumentParser(prog="blender_addon.examples.demo_scene", description=__doc__)
     parser.add_argument("--spec", type=Path, required=True)
     spec_path = parser.parse_args(arguments).spec
     try:

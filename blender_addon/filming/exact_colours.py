@@ -2,8 +2,8 @@
 
 import bpy
 
+from ..worker.worker_operator import Result, allowed
 from .pixels import colour_changes, use_exact_colours
-from .worker_operator import Result, allowed
 
 EXACT_SPACE = "Linear Rec.709"
 ENGINE = "PLAYABLE_ENV"

@@ -12,8 +12,8 @@ from pe_runtime.contract.shot import (
     MASK_PASS_PREFIX,
 )
 
+from ..worker.replies import RenderedFrame
 from .pixels import PassMemory
-from .replies import RenderedFrame
 
 COMBINED, DEPTH, BACKGROUND = "Combined", "Depth", "Background"
 MASK_PREFIX, LAYER_PREFIX = "Mask ", "Layer "

@@ -14,7 +14,7 @@ from bpy.app.handlers import persistent
 
 from pe_runtime.contract.errors import ShotError
 
-from .strips.lending import is_lent
+from ..strips.lending import is_lent
 
 ENGINE = "PLAYABLE_ENV"
 ENDINGS = {

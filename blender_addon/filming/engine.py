@@ -14,19 +14,19 @@ import bpy
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 from pe_runtime.contract.shot import Region, Shot
 
-from .bake import Bake, Output, bake_of, take_as_baked, take_of_moment
+from ..bake import Bake, Output, bake_of, take_as_baked, take_of_moment
+from ..preview.ticking import keep_ticking, viewport_of
+from ..scene_bridge import frames_per_second, read_moment, wanted_passes
+from ..worker.replies import RenderedFrame, WorkerCancelledError
+from ..worker.session import session
 from .exact_colours import all_colour_changes
 from .frame_origin import frame_origin
 from .frame_watch import FrameWatch, place_in_range
 from .pace import pace
 from .pixels import memory_for
-from .preview.ticking import keep_ticking, viewport_of
 from .range_stop import stop_reasons
 from .render_border import border_of
 from .render_passes import COMBINED, blender_pass, pass_numbers
-from .replies import RenderedFrame, WorkerCancelledError
-from .scene_bridge import frames_per_second, read_moment, wanted_passes
-from .session import session
 from .written_files import check_room
 
 # Shared by name, but all they show are passes and filters of Blender's own engines.

@@ -6,7 +6,7 @@ from pathlib import PurePath
 from pe_runtime.contract.model_facts import ModelFacts
 from pe_runtime.contract.shot import Shot
 
-from .state_files import is_content_name
+from ..state_files import is_content_name
 
 PREFIX = "playable."
 """Before the names of the fields, so that nobody else's are meant."""

@@ -1,6 +1,6 @@
 """Times what Blender adds to the worker's drawing, frame by frame and part by part.
 
-    python -m blender_addon.path_costs --spec spec.json
+    python -m blender_addon.examples.path_costs --spec spec.json
 
 Opens a picture, bakes, and draws it as F12 does and as a range to files, with the picture alone
 and with all passes. See `CostSpec` for what the file holds; the samples go to `out`.
@@ -25,12 +25,12 @@ import bpy
 import blender_addon
 from pe_runtime.contract.camera import Camera
 
-from . import engine
-from .pixels import PassMemory
-from .scene_bridge import look_through, picture_only, playable_objects
-from .session import session
-from .strips.job import job_for
-from .strips.lending import lent_settings
+from ..filming import engine
+from ..filming.pixels import PassMemory
+from ..scene_bridge import look_through, picture_only, playable_objects
+from ..strips.job import job_for
+from ..strips.lending import lent_settings
+from ..worker.session import session
 
 WARM_UP = 2
 """Frames at the start of each way that are not counted: files and memory are first touched."""
@@ -235,7 +235,7 @@ def _draw_range(scene: bpy.types.Scene, spec: CostSpec, clock: FrameClock) -> No
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Measure what the spec asks for; returns the exit code, 1 after one clear message."""
-    parser = argparse.ArgumentParser(prog="blender_addon.path_costs", description=__doc__)
+    parser = argparse.ArgumentParser(prog="blender_addon.examples.path_costs", description=__doc__)
     parser.add_argument("--spec", type=Path, required=True)
     path = parser.parse_args(arguments).spec
     try:
