@@ -19,7 +19,7 @@ from pe_runtime.contract.shot import Start
 from .fcurves import ACTION_PATH, make_stepped, own_curves, remove_curves
 from .filming.pixels import use_equal_files, use_exact_colours
 from .json_text import json_text
-from .scene_bridge import action_names, playable_objects
+from .scene_bridge import ENGINE, action_names, playable_objects
 from .settings import SCHEMA
 from .state_files import picture_in, state_file, stored_state
 from .volumes import height_of, show_volumes
@@ -79,7 +79,7 @@ def build_environment(
     show_volumes(scene, facts, placed, state)
     use_exact_colours(scene)
     use_equal_files(scene.render)
-    scene.render.engine = "PLAYABLE_ENV"
+    scene.render.engine = ENGINE
 
 
 def stored_start(settings: object) -> Start:

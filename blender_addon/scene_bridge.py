@@ -35,6 +35,8 @@ from pe_runtime.contract.shot import (
 from .fcurves import ACTION_PATH, held_value
 from .overrides.reading import Override, read_override
 
+ENGINE = "PLAYABLE_ENV"
+"""What scenes call the render engine."""
 UNIFORM_SCALE_TOLERANCE = 1e-4
 picture_only: set[str] = set()
 """Scenes of which a range is rendered to files that hold no passes; not a setting, so that no

@@ -16,7 +16,7 @@ from pe_runtime.contract.shot import Region, Shot
 
 from ..bake import Bake, Output, bake_of, take_as_baked, take_of_moment
 from ..preview.ticking import keep_ticking, viewport_of
-from ..scene_bridge import frames_per_second, read_moment, wanted_passes
+from ..scene_bridge import ENGINE, frames_per_second, read_moment, wanted_passes
 from ..worker.replies import RenderedFrame, WorkerCancelledError
 from ..worker.session import session
 from .exact_colours import all_colour_changes
@@ -37,7 +37,7 @@ LAST_WORDS = "\nThe worker's last words:\n"
 class PlayableEnvironmentEngine(bpy.types.RenderEngine):
     """Draws what the scene's playable environment shows to its camera."""
 
-    bl_idname = "PLAYABLE_ENV"
+    bl_idname = ENGINE
     bl_label = "Playable Environment"
     bl_use_preview = False
     bl_use_postprocess = True
@@ -186,11 +186,11 @@ def register() -> None:
     """Register the engine and show Blender's common panels for it."""
     bpy.utils.register_class(PlayableEnvironmentEngine)
     for panel in _panels_for_all_engines():
-        panel.COMPAT_ENGINES.add(PlayableEnvironmentEngine.bl_idname)
+        panel.COMPAT_ENGINES.add(ENGINE)
 
 
 def unregister() -> None:
     """Undo `register`; a scene that still names the engine keeps the name."""
     for panel in bpy.types.Panel.__subclasses__():
-        getattr(panel, "COMPAT_ENGINES", set()).discard(PlayableEnvironmentEngine.bl_idname)
+        getattr(panel, "COMPAT_ENGINES", set()).discard(ENGINE)
     bpy.utils.unregister_class(PlayableEnvironmentEngine)

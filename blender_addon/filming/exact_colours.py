@@ -2,11 +2,11 @@
 
 import bpy
 
+from ..scene_bridge import ENGINE
 from ..worker.worker_operator import Result, allowed
 from .pixels import colour_changes, use_exact_colours
 
 EXACT_SPACE = "Linear Rec.709"
-ENGINE = "PLAYABLE_ENV"
 
 
 class PLAYABLE_OT_use_exact_colours(bpy.types.Operator):

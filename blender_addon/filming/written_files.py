@@ -14,9 +14,9 @@ from bpy.app.handlers import persistent
 
 from pe_runtime.contract.errors import ShotError
 
+from ..scene_bridge import ENGINE
 from ..strips.lending import is_lent
 
-ENGINE = "PLAYABLE_ENV"
 ENDINGS = {
     ".png": b"IEND\xaeB`\x82",
     ".jpg": b"\xff\xd9",

@@ -1,15 +1,11 @@
 """What a file lacks, shown above all else while it lacks it."""
 
-import textwrap
-
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from ..panel import PlayablePanel
+from ..panel import PlayablePanel, wrapped_label
+from ..wrapping import sentence
 from .problems import problems_of
-
-LABEL_WIDTH = 40
-"""Characters that the sidebar shows at its usual width."""
 
 
 class PLAYABLE_PT_problems(PlayablePanel, bpy.types.Panel):
@@ -28,12 +24,7 @@ class PLAYABLE_PT_problems(PlayablePanel, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.label(text=self.bl_label)
         for problem in problems_of(context.scene):
-            column = self.layout.column(align=True)
-            icon = "ERROR"
-            said = iface_(problem)
-            for line in textwrap.wrap(said[:1].upper() + said[1:], LABEL_WIDTH):
-                column.label(text=line, icon=icon)
-                icon = "BLANK1"
+            wrapped_label(self.layout, sentence(iface_(problem)), "ERROR")
 
 
 def register() -> None:

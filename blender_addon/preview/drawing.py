@@ -1,7 +1,5 @@
 """A picture and words in a region of the window; needs a GPU context."""
 
-import textwrap
-
 import blf
 import bpy
 import gpu
@@ -10,6 +8,7 @@ from bpy.app.translations import pgettext_iface as iface_
 from gpu_extras.presets import draw_texture_2d
 
 from ..filming.pixels import PassMemory
+from ..wrapping import sentence, wrapped
 from .view_camera import Rect
 
 FONT = 0
@@ -53,14 +52,11 @@ def draw_words(words: str, region_width: int, scale: float, bottom: int = 0) -> 
         bottom: Pixels at the lower border that something else covers.
     """
     columns = max(int((region_width - 2 * MARGIN * scale) / (CHARACTER_WIDTH * scale)), 20)
-    said = iface_(words)
-    said = said[:1].upper() + said[1:]
-    lines = [line for part in said.splitlines() for line in textwrap.wrap(part, columns)]
     blf.size(FONT, FONT_SIZE * scale)
     blf.color(FONT, 1.0, 1.0, 1.0, 1.0)
     blf.enable(FONT, blf.SHADOW)
     blf.shadow(FONT, 5, 0.0, 0.0, 0.0, 1.0)
-    kept = lines[:MOST_LINES]
+    kept = wrapped(sentence(iface_(words)), columns)[:MOST_LINES]
     for index, line in enumerate(kept):
         height = MARGIN + LINE * (len(kept) - 1 - index)
         blf.position(FONT, MARGIN * scale, bottom + height * scale, 0.0)

@@ -14,7 +14,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from ..filming.pixels import TELLTALES, use_equal_files
-from ..scene_bridge import picture_only
+from ..scene_bridge import ENGINE, picture_only
 from .job import DIGITS, PREFIX, RangeJob
 
 NOTE_KEY = "playable_environment_lent"
@@ -80,7 +80,7 @@ def _lend(scene: bpy.types.Scene, job: RangeJob, folder: Path) -> None:
     scene[NOTE_KEY] = json.dumps(_kept(scene))
     _out.add(scene.name)
     render, output = scene.render, scene.render.image_settings
-    render.engine, render.use_sequencer = "PLAYABLE_ENV", False
+    render.engine, render.use_sequencer = ENGINE, False
     render.filepath = str(folder / (PREFIX + "#" * DIGITS))
     render.use_overwrite, render.use_placeholder = True, False
     render.use_file_extension = True
