@@ -8,6 +8,8 @@ import numpy as np
 
 from pe_runtime.contract.errors import ShotError
 
+from .complete_files import write_complete
+
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 EIGHT_BIT_RGB = bytes((8, 2, 0, 0, 0))
 
@@ -61,13 +63,7 @@ def write_picture(path: Path, pixels: np.ndarray) -> None:
         OSError: The folder or the file cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    unfinished = path.with_name(f"{path.name}.part")
-    try:
-        unfinished.write_bytes(png_bytes(pixels))
-        unfinished.replace(path)
-    except OSError:
-        unfinished.unlink(missing_ok=True)
-        raise
+    write_complete(path, png_bytes(pixels))
 
 
 def png_bytes(pixels: np.ndarray) -> bytes:

@@ -108,8 +108,42 @@ def playable_objects(scene: bpy.types.Scene) -> dict[str, bpy.types.Object]:
     return dict(sorted(found.items()))
 
 
-def lens_of(camera: bpy.types.Camera, render: bpy.types.RenderSettings) -> BlenderLens:
-    """The numbers of an evaluated camera and the render settings that decide the projection."""
+def camera_of(
+    holder: bpy.types.Object,
+    render: bpy.types.RenderSettings,
+    environment_from_world: np.ndarray,
+    picture_size: tuple[int, int] | None = None,
+) -> Camera:
+    """What an evaluated camera object sees, in environment space.
+
+    Args:
+        holder: The camera.
+        render: The scene's, which decide the projection too.
+        environment_from_world: (4, 4) float64.
+        picture_size: Width and height of a picture that fills the camera's view, in place of the
+            render settings' resolution.
+
+    Raises:
+        CameraError: It is not a pinhole.
+    """
+    lens = _lens_of(holder.data, render)
+    if picture_size is not None:
+        lens = dataclasses.replace(
+            lens,
+            resolution_x=picture_size[0],
+            resolution_y=picture_size[1],
+            resolution_percentage=100,
+            pixel_aspect_x=1.0,
+            pixel_aspect_y=1.0,
+        )
+    environment_from_camera = environment_from_world @ np.array(holder.matrix_world, np.float64)
+    try:
+        return camera_from_blender(lens, environment_from_camera)
+    except CameraError as error:
+        raise CameraError(f"camera {holder.name!r}: {error}") from error
+
+
+def _lens_of(camera: bpy.types.Camera, render: bpy.types.RenderSettings) -> BlenderLens:
     return BlenderLens(
         type=camera.type,
         lens=camera.lens,
@@ -144,21 +178,8 @@ def read_camera(
     if holder is None or holder.type != "CAMERA":
         name = staged(depsgraph).name
         raise CameraError(f"scene {name!r} has no camera; add one and make it active")
-    lens = lens_of(holder.data, scene.render)
-    if picture_size is not None:
-        lens = dataclasses.replace(
-            lens,
-            resolution_x=picture_size[0],
-            resolution_y=picture_size[1],
-            resolution_percentage=100,
-            pixel_aspect_x=1.0,
-            pixel_aspect_y=1.0,
-        )
     environment_from_world = inverse_of(world_from_environment(depsgraph))
-    try:
-        return camera_from_blender(lens, environment_from_world @ np.array(holder.matrix_world))
-    except CameraError as error:
-        raise CameraError(f"camera {holder.name!r}: {error}") from error
+    return camera_of(holder, scene.render, environment_from_world, picture_size)
 
 
 def world_from_environment(depsgraph: bpy.types.Depsgraph) -> np.ndarray:

@@ -4,14 +4,12 @@ A .blend keeps each state as a text block; its file can be lost at any time and 
 Shots in text blocks name such files without their folder, so that they hold on every machine.
 """
 
-import contextlib
 import dataclasses
 import hashlib
 import json
 import os
 import re
 import tempfile
-import uuid
 from collections.abc import Callable, Iterator
 from functools import lru_cache
 from pathlib import Path, PurePath
@@ -19,6 +17,8 @@ from pathlib import Path, PurePath
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.shot import Shot, Start
+
+from .complete_files import write_complete
 
 FOLDER = "playable_environments"
 _CONTENT_NAME = re.compile(r"[0-9a-f]{64}\.json")
@@ -41,7 +41,7 @@ def state_file(text: str) -> Path:
                 return path
             try:
                 folder.mkdir(mode=0o700, exist_ok=True)
-                write_whole(path, content)
+                write_complete(path, content)
                 return path
             except OSError as error:
                 # Another Blender may have been faster, and hold it open.
@@ -131,22 +131,6 @@ def with_files(shot: Shot, place: Callable[[str], str]) -> Shot:
         for track in shot.objects
     )
     return dataclasses.replace(shot, start=start, objects=tracks)
-
-
-def write_whole(path: Path, content: bytes) -> None:
-    """Write a file that appears at once and complete.
-
-    Raises:
-        OSError: It cannot be written; nothing is left behind.
-    """
-    unfinished = path.with_name(f".{uuid.uuid4().hex}.part")
-    try:
-        unfinished.write_bytes(content)
-        unfinished.replace(path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            unfinished.unlink()
-        raise
 
 
 def _folders() -> Iterator[Path]:

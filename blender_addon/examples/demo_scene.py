@@ -27,6 +27,7 @@ from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
 from .. import playables
 from ..bake import bake_of
+from ..complete_files import write_complete
 from ..scene_bridge import action_names, look_through, playable_objects
 from ..strips.job import job_for
 from ..strips.video import write_video
@@ -216,9 +217,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _write_report(path: Path, report: dict[str, Any]) -> None:
-    unfinished = path.with_suffix(".json.part")
-    unfinished.write_text(json.dumps(report, indent=1))
-    unfinished.replace(path)
+    write_complete(path, json.dumps(report, indent=1).encode())
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
 from .. import playables
 from ..bake import bake_of
+from ..complete_files import write_complete
 from ..filming.pixels import use_exact_colours
 from ..scene_bridge import action_names, look_through, playable_objects
 from ..volumes import FACES
@@ -210,9 +211,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     finally:
         session.close()
-    unfinished = Path(spec.out) / "blender_report.json.part"
-    unfinished.write_text(json.dumps(report, indent=1))
-    unfinished.replace(unfinished.with_suffix(""))
+    content = json.dumps(report, indent=1).encode()
+    write_complete(Path(spec.out) / "blender_report.json", content)
     return 0
 
 

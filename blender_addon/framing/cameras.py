@@ -1,6 +1,5 @@
 """Which camera saw the picture: the model's usual one, a matched one, or one of the scene."""
 
-import dataclasses
 import json
 import math
 from functools import lru_cache
@@ -8,11 +7,11 @@ from functools import lru_cache
 import bpy
 import numpy as np
 
-from pe_runtime.contract.camera import Camera, camera_from_blender
+from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.errors import CameraError, ShotError
 from pe_runtime.contract.model_facts import ModelFacts
 
-from ..scene_bridge import inverse_of, lens_of
+from ..scene_bridge import camera_of, inverse_of
 from ..usual_camera import put_camera, usual_camera
 from ..worker.replies import MatchedCamera
 from .landmarks import FEWEST, focal_of, misses
@@ -68,19 +67,7 @@ def seen_by(
         CameraError: It is no pinhole camera, or the picture has another shape than its frame.
     """
     check_shape(render, size)
-    lens = dataclasses.replace(
-        lens_of(holder.data, render),
-        resolution_x=size[0],
-        resolution_y=size[1],
-        resolution_percentage=100,
-        pixel_aspect_x=1.0,
-        pixel_aspect_y=1.0,
-    )
-    matrix = inverse_of(world_from_environment) @ np.array(holder.matrix_world, np.float64)
-    try:
-        return camera_from_blender(lens, matrix)
-    except CameraError as error:
-        raise CameraError(f"camera {holder.name!r}: {error}") from error
+    return camera_of(holder, render, inverse_of(world_from_environment), size)
 
 
 def check_shape(render: bpy.types.RenderSettings, size: Size) -> None:

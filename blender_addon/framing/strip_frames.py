@@ -17,6 +17,7 @@ from pe_runtime.contract.errors import ShotError
 
 from ..filming.pixels import use_exact_colours
 from ..pictures import pixels_of, read_picture
+from ..strips.timing import span
 
 PICTURED = ("IMAGE", "MOVIE")
 
@@ -88,19 +89,11 @@ def shown_strip(scene: bpy.types.Scene) -> bpy.types.ID | None:
     return here[0] if here else None
 
 
-def handles(strip: bpy.types.ID) -> tuple[int, int]:
-    """First frame of a strip, and the first one after it."""
-    # Blender 5.2 renames both and warns about the old names.
-    if "left_handle" in strip.bl_rna.properties:
-        return round(strip.left_handle), round(strip.right_handle)
-    return strip.frame_final_start, strip.frame_final_end
-
-
 def _pictured(strips: Iterable[bpy.types.ID], frame: int) -> Iterator[bpy.types.ID]:
     """Movie and image strips that show at a frame, topmost first, those in meta strips too."""
     for strip in sorted(strips, key=lambda each: each.channel, reverse=True):
-        start, end = handles(strip)
-        if strip.mute or not start <= frame < end:
+        start, length = span(strip)
+        if strip.mute or not start <= frame < start + length:
             continue
         if strip.type in PICTURED:
             yield strip

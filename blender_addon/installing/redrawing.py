@@ -2,6 +2,7 @@
 
 import bpy
 
+from .. import windows
 from .installation import installation
 
 SECONDS = 0.25
@@ -16,10 +17,7 @@ def follow() -> None:
 
 def redraw() -> None:
     """Have every place drawn anew that tells of the runtime."""
-    for manager in bpy.data.window_managers:
-        for area in (area for window in manager.windows for area in window.screen.areas):
-            if area.type in SHOWN_IN:
-                area.tag_redraw()
+    windows.redraw(*SHOWN_IN)
 
 
 def unregister() -> None:

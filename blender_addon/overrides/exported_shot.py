@@ -11,8 +11,9 @@ from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.shot import ObjectTrack, PoseKey, Shot, StyleMix
 
 from ..bake import BAKE_AGAIN, Bake, Output, is_turned, take_of_moment
+from ..complete_files import write_complete
 from ..scene_bridge import Moment
-from ..state_files import with_files, write_whole
+from ..state_files import with_files
 
 Look = tuple[tuple[str | None, str, float], ...]
 
@@ -54,14 +55,14 @@ def write_film(film: Shot, path: Path) -> list[Path]:
     def beside(state: str) -> str:
         name = PurePath(state).name
         if name not in written:
-            write_whole(path.parent / name, Path(state).read_bytes())
+            write_complete(path.parent / name, Path(state).read_bytes())
             written[name] = path.parent / name
         return name
 
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         text = with_files(film, beside).to_json()
-        write_whole(path, text.encode())
+        write_complete(path, text.encode())
     except OSError as error:
         raise ShotError(
             f"cannot write the shot to {path} ({error}); choose a folder that can be written"

@@ -14,10 +14,11 @@ import numpy as np
 from pe_runtime.contract.errors import ShotError
 
 from ..framing.cameras import check_shape
-from ..framing.strip_frames import PICTURED, StripFrame, handles
+from ..framing.strip_frames import PICTURED, StripFrame
 from ..framing.tracked_boxes import tracked_box
 from ..pictures import read_picture
 from ..scene_bridge import read_camera
+from ..strips.timing import span
 from .clip_actions import Box, ClipFrame
 from .stand_in import stand_in_for
 
@@ -90,8 +91,8 @@ def covering_strip(
         strips = sorted(scene.sequence_editor.strips_all, key=lambda each: -each.channel)
         strips.sort(key=lambda each: each != active)
         for strip in strips:
-            start, end = handles(strip) if strip.type in PICTURED else (0, 0)
-            if not strip.mute and start <= frames[0] and frames[-1] < end:
+            start, length = span(strip) if strip.type in PICTURED else (0, 0)
+            if not strip.mute and start <= frames[0] and frames[-1] < start + length:
                 return scene, strip
     raise ShotError(
         f"no movie or image strip shows from frame {frames[0]} to {frames[-1]} in "

@@ -8,6 +8,7 @@ from time import monotonic
 import bpy
 from bpy.app.handlers import persistent
 
+from ..windows import redraw
 from ..worker.session import session
 from .live_paths import LivePaths
 
@@ -33,15 +34,8 @@ def _tick() -> float:
     before = [live.note(scene) for scene in bpy.data.scenes]
     seconds = live.tick(monotonic())
     if before != [live.note(scene) for scene in bpy.data.scenes]:
-        _redraw()
+        redraw("VIEW_3D")
     return seconds
-
-
-def _redraw() -> None:
-    for manager in bpy.data.window_managers:
-        for area in (area for window in manager.windows for area in window.screen.areas):
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
 
 
 def register() -> None:

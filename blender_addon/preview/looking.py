@@ -3,9 +3,9 @@
 import bpy
 import numpy as np
 
-from pe_runtime.contract.camera import Camera, camera_from_blender
+from pe_runtime.contract.camera import Camera
 
-from ..scene_bridge import inverse_of, lens_of
+from ..scene_bridge import camera_of, inverse_of
 from .view_camera import Rect, seen_of_frame, view_camera
 
 
@@ -81,7 +81,4 @@ def _exact_camera(
     holder = _holder(space, depsgraph)
     if holder is None:
         return None
-    lens = lens_of(holder.data, depsgraph.scene_eval.render)
-    return camera_from_blender(
-        lens, environment_from_world @ np.array(holder.matrix_world, np.float64)
-    )
+    return camera_of(holder, depsgraph.scene_eval.render, environment_from_world)

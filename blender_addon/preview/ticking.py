@@ -4,6 +4,7 @@ import weakref
 
 import bpy
 
+from ..windows import areas
 from .viewport import Viewport
 
 TICK_SECONDS = 0.05
@@ -54,8 +55,6 @@ def _tick() -> float | None:
 
 def _redraw() -> None:
     """Redraw the 3D views of all windows; an engine may be gone, they are asked anew."""
-    for manager in bpy.data.window_managers:
-        for window in manager.windows:
-            for area in window.screen.areas:
-                if area.type == "VIEW_3D" and area.spaces.active.shading.type == "RENDERED":
-                    area.tag_redraw()
+    for area in areas("VIEW_3D"):
+        if area.spaces.active.shading.type == "RENDERED":
+            area.tag_redraw()

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from pe_runtime.contract.errors import ShotError
 
+from ..complete_files import write_complete
 from .whole_files import FileFacts
 
 FILE_NAME = "playable_job.json"
@@ -84,7 +85,7 @@ def note_frames(folder: Path, notes: Mapping[int, FrameNote]) -> None:
                 path.replace(path.with_suffix(".json.unreadable"))
             frames = dict(sorted((dict(known.frames) | dict(notes)).items()))
             content = {"schema": SCHEMA, "frames": {n: _as_json(e) for n, e in frames.items()}}
-            _replace(path, json.dumps(content, indent=0))
+            write_complete(path, json.dumps(content, indent=0).encode())
     except OSError as error:
         raise ShotError(
             f"cannot write {path} ({error}); free some space or choose another frames folder"
@@ -100,15 +101,6 @@ def _note(content: Mapping) -> FrameNote:
 def _as_json(note: FrameNote) -> dict:
     facts = {} if note.file is None else {"size": note.file.size, "crc": note.file.crc}
     return {"job": note.job, "digest": note.digest, **facts}
-
-
-def _replace(path: Path, text: str) -> None:
-    unfinished = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        unfinished.write_text(text)
-        unfinished.replace(path)
-    finally:
-        unfinished.unlink(missing_ok=True)
 
 
 @contextmanager

@@ -25,7 +25,7 @@ class Timing:
 def span(strip: bpy.types.Strip) -> tuple[int, int]:
     """The first timeline frame that a strip covers, and how many it covers."""
     if _has_new_names(strip):
-        return strip.left_handle, strip.duration
+        return round(strip.left_handle), round(strip.duration)
     return strip.frame_final_start, strip.frame_final_duration
 
 

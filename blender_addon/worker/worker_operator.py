@@ -9,6 +9,7 @@ from bpy.app.translations import pgettext_tip as tip_
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
+from ..windows import redraw
 from .background import BackgroundCall, Work
 from .replies import WorkerCancelledError
 from .session import session
@@ -100,9 +101,7 @@ def end_modal(operator: bpy.types.Operator, context: bpy.types.Context) -> None:
     manager.progress_end()
     context.workspace.status_text_set(None)
     # Blender redraws what an operator changed in the scene, but not what panels say of the worker.
-    for area in (area for window in manager.windows for area in window.screen.areas):
-        if area.type == "VIEW_3D":
-            area.tag_redraw()
+    redraw("VIEW_3D")
 
 
 def show_progress(context: bpy.types.Context, text: str, share: float) -> None:

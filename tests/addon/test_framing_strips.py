@@ -9,6 +9,7 @@ bpy = pytest.importorskip("bpy")
 from blender_addon.framing import strip_frames  # noqa: E402 - after the check for Blender
 from blender_addon.framing.picture_source import find_picture  # noqa: E402
 from blender_addon.framing.strip_frames import frame_under_playhead  # noqa: E402
+from blender_addon.strips.timing import span  # noqa: E402
 from pe_runtime.contract.errors import ShotError  # noqa: E402
 
 pytestmark = pytest.mark.blender
@@ -118,7 +119,7 @@ def test_a_movie_whose_beginning_is_cut_off_starts_later(cut, files):
     strip = movie(cut, files)
     renamed = "content_trim_start" in strip.bl_rna.properties
     setattr(strip, "content_trim_start" if renamed else "animation_offset_start", 2)
-    first, _ = strip_frames.handles(strip)
+    first, _ = span(strip)
     assert [shown(cut, first + index) for index in range(2)] == [[2], [3]]
 
 

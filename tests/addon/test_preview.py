@@ -194,6 +194,7 @@ class TestDrawing:
         depsgraph = scene.view_layers[0].depsgraph
         camera = scene.camera.evaluated_get(depsgraph)
         return SimpleNamespace(
+            area=SimpleNamespace(regions=()),
             region=SimpleNamespace(width=size[0], height=size[1]),
             region_data=SimpleNamespace(
                 view_perspective=perspective,
