@@ -31,7 +31,7 @@ if [ ! -f "$room/installed" ]; then
   # Not by the project's own list: bpy 5.0 needs a NumPy before 2, bpy 5.2 one after it.
   "$room/bin/python" -m pip install --quiet ${PIP_FLAGS:-} bpy==5.2.3 \
     safetensors jaxtyping OpenImageIO opencv-contrib-python-headless trimesh scikit-image scipy \
-    rich typer matplotlib pytest hypothesis beartype
+    rich typer matplotlib pytest hypothesis beartype psutil
   "$room/bin/python" -m pip install --quiet --no-deps -e .
   touch "$room/installed"
 fi
