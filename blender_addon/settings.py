@@ -102,18 +102,24 @@ class PlayableSettings(bpy.types.PropertyGroup):
         description="This Empty stands for a playable object",
         default=False,
         options=set(),
+        override={"LIBRARY_OVERRIDABLE"},
     )
     object_name: StringProperty(
-        name="Object", description="The playable object's name in the model"
+        name="Object",
+        description="The playable object's name in the model",
+        override={"LIBRARY_OVERRIDABLE"},
     )
     action: EnumProperty(
         name="Action",
         description="What the object does from this frame to the next key",
         items=_items_for,
         default=0,
+        override={"LIBRARY_OVERRIDABLE"},
     )
     action_names: StringProperty(
-        description="The model's names for the actions, a JSON list", options={"HIDDEN"}
+        description="The model's names for the actions, a JSON list",
+        options={"HIDDEN"},
+        override={"LIBRARY_OVERRIDABLE"},
     )
     action_movements: StringProperty(
         description="Where actions lead: to the right of the camera and ahead, metres a step, JSON",
@@ -124,6 +130,7 @@ class PlayableSettings(bpy.types.PropertyGroup):
         name="Mask",
         description="Render a pass with the pixels that show the object",
         update=lambda self, _context: _show_passes(self.id_data),
+        override={"LIBRARY_OVERRIDABLE"},
     )
     use_layer: BoolProperty(
         name="Layer",

@@ -270,3 +270,28 @@ def test_a_library_override_is_keyed_locally_and_keeps_its_keys_in_the_file(bake
 def test_what_needs_attention_stands_above_panels_that_the_artist_has_moved():
     # Blender keeps panels with headers in the artist's order, new ones below.
     assert "HIDE_HEADER" in PLAYABLE_PT_problems.bl_options
+
+
+def test_a_library_override_keeps_its_passes_its_action_and_whom_it_stands_for(scene, tmp_path):
+    for name in ("one", "two"):
+        each = bpy.data.objects.new(name, None)
+        scene.collection.objects.link(each)
+        each.playable.is_playable, each.playable.object_name = True, name
+        each.playable.action_names = '["idle", "left", "right"]'
+    source = saved(tmp_path / "source.blend")
+    bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    with bpy.data.libraries.load(str(source), link=True) as (_, taken):
+        taken.objects = ["one", "two"]
+    first, second = (each.override_create() for each in taken.objects)
+    for local in (first, second):
+        bpy.context.scene.collection.objects.link(local)
+    first.playable.use_mask = first.playable.use_layer = True
+    first.playable.action, first.playable.object_name = "A2", "three"
+    second.playable.is_playable = False
+    saved(tmp_path / "user.blend")
+    opened(tmp_path / "user.blend")
+    own = {each.name: each.playable for each in bpy.data.objects if each.override_library}
+    found = own["one"]
+    assert (found.use_mask, found.use_layer, found.action) == (True, True, "A2")
+    assert (found.object_name, own["two"].object_name) == ("three", "two")
+    assert (found.is_playable, own["two"].is_playable) == (True, False)
