@@ -12,7 +12,7 @@ from pe_runtime.contract.model_facts import ModelFacts
 from ..usual_camera import usual_camera
 from ..worker import questions
 from ..worker.session import session
-from ..worker.worker_operator import Task, WorkerOperator, allowed, model_path
+from ..worker.worker_operator import Task, WorkerOperator, allowed, model_path, not_rendering
 from .cameras import environment_matrix, scene_camera, seen_by
 from .opening import (
     Opening,
@@ -108,7 +108,9 @@ class PLAYABLE_OT_open_picture(NewEnvironment, bpy.types.Operator):
         if not allowed(cls, context.mode == "OBJECT", "Leave edit or pose mode first"):
             return False
         lacking = missing(context.scene, edits_of(context))
-        return allowed(cls, lacking is None, lacking.text if lacking else "")
+        if not allowed(cls, lacking is None, lacking.text if lacking else ""):
+            return False
+        return not_rendering(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         if not self.properties.is_property_set("camera"):

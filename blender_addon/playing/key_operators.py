@@ -9,7 +9,7 @@ from pe_runtime.contract.errors import PlayableEnvironmentError
 from .. import playables
 from ..scene_bridge import action_names
 from ..settings import action_items
-from ..worker.worker_operator import Result, allowed, failed
+from ..worker.worker_operator import Result, allowed, failed, not_rendering
 from .action_keys import delete_key_at, keyed_frames, neighbour, next_playable, players_at_hand
 
 NONE_CHOSEN = "Select a playable Empty first"
@@ -115,7 +115,9 @@ class PLAYABLE_OT_jump_to_action_key(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return _has_players(cls, context)
+        if not _has_players(cls, context):
+            return False
+        return not_rendering(cls)
 
     @classmethod
     def description(cls, _context: bpy.types.Context, properties: object) -> str:

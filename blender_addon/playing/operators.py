@@ -7,7 +7,7 @@ from ..keyed_paths import write_bake
 from ..scene_bridge import sample_range, shot_from_moments
 from ..worker.replies import PredictedPaths
 from ..worker.session import session
-from ..worker.worker_operator import Task, WorkerOperator, allowed, model_path
+from ..worker.worker_operator import Task, WorkerOperator, allowed, model_path, not_rendering
 from .signature import signature_of
 from .stepping import action_warnings, step_actions
 from .watching import live
@@ -23,7 +23,9 @@ class PLAYABLE_OT_bake_paths(WorkerOperator, bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         root = context.scene.playable_environment.root
-        return allowed(cls, root is not None, "Make a New Playable Environment first")
+        if not allowed(cls, root is not None, "Make a New Playable Environment first"):
+            return False
+        return not_rendering(cls)
 
     def task(self, context: bpy.types.Context) -> Task:
         scene = context.scene

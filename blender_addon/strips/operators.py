@@ -14,7 +14,7 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 from bpy.props import IntProperty, StringProperty
 
-from ..worker.worker_operator import Result, allowed
+from ..worker.worker_operator import Result, allowed, not_rendering
 from .job import RangeJob, source_of
 from .placing import StripPlan, place_strip
 from .provenance import provenance_of
@@ -150,8 +150,7 @@ def _can_render(operator: type, scene: bpy.types.Scene) -> bool:
     baked = scene.playable_environment.bake_text is not None
     if not allowed(operator, baked, "Bake paths first"):
         return False
-    busy = bpy.app.is_job_running("RENDER")
-    return allowed(operator, not busy, "Wait until Blender has rendered, or stop it with Esc")
+    return not_rendering(operator)
 
 
 CLASSES = (

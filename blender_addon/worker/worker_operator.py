@@ -64,7 +64,9 @@ class WorkerOperator:
         call, label = self._call, iface_(self.bl_label, "Operator")
         stage = iface_(session.doing or call.stage)
         show_progress(context, f"{label}: {stage}", call.progress)
-        if not call.done and not call.overdue:
+        # A render begun meanwhile, as in another window, reads what would be written here.
+        waits = rendering() and not call.cancelled
+        if waits or (not call.done and not call.overdue):
             return {"RUNNING_MODAL"}
         end_modal(self, context)
         if call.cancelled:  # even if it was done by then: nobody wants to see it change the scene
@@ -115,6 +117,18 @@ def allowed(operator: type, condition: bool, why_not: str) -> bool:
     if not condition:
         operator.poll_message_set(tip_(why_not))
     return condition
+
+
+def rendering() -> bool:
+    """Whether Blender renders; it counts the frames of an animation in the scene itself."""
+    return bpy.app.is_job_running("RENDER")
+
+
+def not_rendering(operator: type) -> bool:
+    """The answer of the poll of what goes through frames or changes what is being rendered."""
+    return allowed(
+        operator, not rendering(), "Wait until Blender has rendered, or stop it with Esc"
+    )
 
 
 def model_path(model: str) -> str:

@@ -7,7 +7,10 @@ from types import SimpleNamespace
 import pytest
 
 bpy = pytest.importorskip("bpy")
-from blender_addon.worker.replies import WorkerCancelledError  # noqa: E402 - after the check for Blender
+from blender_addon import playables  # noqa: E402 - after the check for Blender
+from blender_addon.scene_bridge import playable_objects  # noqa: E402
+from blender_addon.worker import worker_operator  # noqa: E402
+from blender_addon.worker.replies import WorkerCancelledError  # noqa: E402
 from blender_addon.worker.session import session  # noqa: E402
 from blender_addon.worker.worker_operator import Task, WorkerOperator  # noqa: E402
 from pe_runtime.contract.errors import ShotError  # noqa: E402
@@ -129,3 +132,28 @@ def test_what_goes_wrong_is_reported(window):
     assert window.wait(operator) == {"CANCELLED"}
     assert operator.reports == [("ERROR", "the lens fell off")]
     assert operator.execute(window) == {"CANCELLED"}
+
+
+def test_what_was_done_during_a_render_is_taken_in_after_it(window, monkeypatch):
+    renders = [True]
+    monkeypatch.setattr(worker_operator, "rendering", lambda: renders[0])
+    operator = Operator(lambda *_: 7)
+    operator.invoke(window, None)
+    operator._call.result()
+    assert window.tick(operator) == {"RUNNING_MODAL"} and operator.finished == []
+    renders[0] = False
+    assert window.wait(operator) == {"FINISHED"} and operator.finished == [7]
+
+
+@pytest.mark.parametrize("name", ["bake_paths", "jump_to_action_key", "actions_from_clip"])
+def test_nothing_goes_through_the_frames_of_a_scene_that_is_rendered(
+    environment, name, monkeypatch
+):
+    player = playable_objects(environment)["player_1"]
+    playables.key_action(player, 3, 1)
+    bpy.context.view_layer.objects.active = player
+    player.select_set(True)
+    operator = getattr(bpy.ops.playable, name)
+    assert operator.poll()
+    monkeypatch.setattr(worker_operator, "rendering", lambda: True)
+    assert not operator.poll()
