@@ -21,7 +21,7 @@ from .filming.pixels import use_equal_files, use_exact_colours
 from .json_text import json_text
 from .scene_bridge import ENGINE, action_names, playable_objects
 from .settings import SCHEMA
-from .state_files import picture_in, state_file, stored_state
+from .state_files import state_file, stored_state
 from .volumes import height_of, show_volumes
 
 STATE_FORMAT = 1
@@ -89,26 +89,12 @@ def stored_start(settings: object) -> Start:
         ShotError: The scene has no environment, its text block was damaged, or no file can be
             written for the worker.
     """
-    block = _state_block(settings)
-    return Start(state=str(state_file(stored_state(block.as_string(), block.name))))
-
-
-def stored_picture(settings: object) -> Start:
-    """The picture that a scene's environment was made from; its file may be gone.
-
-    Raises:
-        ShotError: The scene has no environment, or its text block was damaged.
-    """
-    block = _state_block(settings)
-    return picture_in(block.as_string(), block.name)
-
-
-def _state_block(settings: object) -> bpy.types.Text:
     if text := settings.of_newer_addon():
         raise ShotError(text)
     if settings.root is None or settings.state_text is None:
         raise ShotError("this scene has no environment; make one with New Playable Environment")
-    return settings.state_text
+    block = settings.state_text
+    return Start(state=str(state_file(stored_state(block.as_string(), block.name))))
 
 
 def key_action(target: bpy.types.Object, frame: int, action: int) -> None:

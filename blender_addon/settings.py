@@ -25,7 +25,7 @@ from bpy.props import (
 
 from pe_runtime.contract.model_facts import ModelFacts
 
-from .framing.settings import FramingSettings, GroundPoint, TrackedObject
+from .framing.settings import FramingSettings, GroundPoint, TrackedObject, have_one_each
 from .overlay.settings import OverlaySettings
 from .overrides.settings import OverrideSettings, StyleLibrary, StyleSource
 from .playing.settings import PlayingSettings
@@ -244,13 +244,7 @@ class EnvironmentSettings(bpy.types.PropertyGroup):
 
     def list_boxes(self, names: Iterable[str]) -> None:
         """Have one box for each of these objects; boxes that were typed already stay."""
-        wanted = list(names)
-        for index in reversed(range(len(self.boxes))):
-            if self.boxes[index].name not in wanted:
-                self.boxes.remove(index)
-        for name in wanted:
-            if name not in self.boxes:
-                self.boxes.add().name = name
+        have_one_each(self.boxes, names)
 
     def set_boxes(self, names: Iterable[str], boxes: Mapping[str, Sequence[float]]) -> None:
         """Show these boxes for typing on; objects without one are not in the picture."""

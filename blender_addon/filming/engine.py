@@ -14,7 +14,7 @@ import bpy
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 from pe_runtime.contract.shot import Region, Shot
 
-from ..bake import Bake, Output, bake_of, take_as_baked, take_of_moment
+from ..bake import Bake, Output, bake_of, is_as_baked, take_as_baked, take_of_moment
 from ..preview.ticking import keep_ticking, viewport_of
 from ..scene_bridge import ENGINE, frames_per_second, read_moment, wanted_passes
 from ..worker.replies import RenderedFrame, WorkerCancelledError
@@ -128,7 +128,7 @@ class PlayableEnvironmentEngine(bpy.types.RenderEngine):
         comes_next = self.is_animation and render.use_overwrite and layers == 1
         if not comes_next or following > scene.frame_end or following not in bake.shot.frames:
             return
-        if take == take_as_baked(bake, take.frame_start, output):
+        if is_as_baked(bake, take, output):
             ahead = _only(take_as_baked(bake, following, output), self._region(scene))
             session.foresee(ahead, following, bake.shot, self.test_break)
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from .box_limits import LEAST, Box
+from .box_limits import LEAST, Box, nearest_inside
 
 CLICK = 2.0
 """Pixels of the picture below which a drag was a click and draws nothing."""
@@ -43,12 +43,15 @@ class BoxDrawing:
     def press(self, u: float, v: float, _reach: float = 0.0) -> None:
         """Begin a rectangle at a pixel."""
         if not self.finished:
-            self._corner, self._before = self._kept_inside(u, v), self.boxes.get(self.current)
+            self._corner, self._before = (
+                nearest_inside(u, v, self._size),
+                self.boxes.get(self.current),
+            )
 
     def move(self, u: float, v: float) -> None:
         """Pull the rectangle to a pixel."""
         if self._corner is not None:
-            (left, top), (right, bottom) = self._corner, self._kept_inside(u, v)
+            (left, top), (right, bottom) = self._corner, nearest_inside(u, v, self._size)
             (left, right), (top, bottom) = sorted((left, right)), sorted((top, bottom))
             if right - left >= max(CLICK, LEAST) and bottom - top >= max(CLICK, LEAST):
                 self.boxes[self.current] = left, top, right, bottom
@@ -87,7 +90,3 @@ class BoxDrawing:
             self.boxes.pop(self.current, None)
         else:
             self.boxes[self.current] = self._before
-
-    def _kept_inside(self, u: float, v: float) -> tuple[float, float]:
-        width, height = self._size
-        return min(max(u, 0.0), float(width)), min(max(v, 0.0), float(height))

@@ -40,6 +40,11 @@ def inside(name: str, box: Box, size: tuple[int, int]) -> tuple[Box, str]:
     return part, f"the box of {name} was cut at the picture's border"
 
 
+def nearest_inside(u: float, v: float, size: tuple[int, int]) -> tuple[float, float]:
+    """The place in a picture that is nearest to a place in or beside it, pixels."""
+    return min(max(u, 0.0), float(size[0])), min(max(v, 0.0), float(size[1]))
+
+
 def all_inside(boxes: Mapping[str, Box], size: tuple[int, int]) -> tuple[dict[str, Box], list[str]]:
     """`inside` for every box; the boxes and the notes."""
     found = {name: inside(name, box, size) for name, box in boxes.items()}

@@ -19,15 +19,19 @@ def draw_objects(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
         _draw_tracks(body, settings.framing)
 
 
+def draw_edges(column: bpy.types.UILayout, owner: bpy.types.PropertyGroup) -> None:
+    """Fields for the four numbers of a `box`."""
+    for index, edge in enumerate(EDGES):
+        column.prop(owner, "box", index=index, text=edge)
+
+
 def _draw_box(layout: bpy.types.UILayout, each: bpy.types.PropertyGroup) -> None:
     there = any(each.box)
     header, body = layout.panel_prop(each, "is_shown")
     header.label(text=each.name, icon="CHECKMARK" if there else "RADIOBUT_OFF")
     header.operator("playable.draw_boxes", text="", icon="GREASEPENCIL").object = each.name
     if body is not None:
-        column = body.column(align=True)
-        for index, edge in enumerate(EDGES):
-            column.prop(each, "box", index=index, text=edge)
+        draw_edges(body.column(align=True), each)
 
 
 def _draw_tracks(layout: bpy.types.UILayout, framing: bpy.types.PropertyGroup) -> None:

@@ -139,10 +139,7 @@ def new_scene_like(scene: bpy.types.Scene) -> bpy.types.Scene:
         for name in names:
             setattr(target, name, getattr(source, name))
     for point in old.framing.points:
-        twin = new.framing.points.add()
-        # What is changed by hand counts as placed and not matched yet, so those two come last.
-        twin.name, twin.pixel, twin.place = point.name, point.pixel, point.place
-        twin.is_placed, twin.miss = point.is_placed, point.miss
+        new.framing.points.add().take(point.as_numbers())
     return made
 
 

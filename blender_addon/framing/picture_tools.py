@@ -215,14 +215,14 @@ class PLAYABLE_OT_place_ground_points(PictureTool, bpy.types.Operator):
 
     def make_tool(self, scene: bpy.types.Scene, size: tuple[int, int]) -> PointPlacing:
         framing = scene.playable_environment.framing
-        self._before = [_point_as_numbers(each) for each in framing.points]
+        self._before = [each.as_numbers() for each in framing.points]
         placed = [tuple(each.pixel) if each.is_placed else None for each in framing.points]
         return PointPlacing(placed, framing.active_point if placed else 0, size)
 
     def store(self, scene: bpy.types.Scene) -> None:
         framing, tool = scene.playable_environment.framing, self._tool
         if tool.sources != list(range(len(framing.points))):
-            now = [_point_as_numbers(each) for each in framing.points]
+            now = [each.as_numbers() for each in framing.points]
             _write_points(framing, [None if at is None else now[at] for at in tool.sources])
             tool.sources = list(range(len(framing.points)))
         for point, pixel in zip(framing.points, tool.points, strict=True):
@@ -265,19 +265,13 @@ def _write_boxes(scene: bpy.types.Scene, boxes: dict[str, tuple]) -> None:
             each.box = wanted
 
 
-def _point_as_numbers(point: bpy.types.PropertyGroup) -> tuple:
-    return point.name, tuple(point.pixel), tuple(point.place), point.is_placed, point.miss
-
-
 def _write_points(framing: bpy.types.PropertyGroup, points: list[tuple | None]) -> None:
     framing.points.clear()
     for numbers in points:
         if numbers is None:
             framing.add_point()
-            continue
-        point = framing.points.add()
-        # What is changed by hand counts as placed and not matched yet, so those two come last.
-        point.name, point.pixel, point.place, point.is_placed, point.miss = numbers
+        else:
+            framing.points.add().take(numbers)
     framing.active_point = min(framing.active_point, max(len(points) - 1, 0))
 
 

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Sequence
 
+from .box_limits import nearest_inside
+
 Pixel = tuple[float, float]
 
 
@@ -44,12 +46,12 @@ class PointPlacing:
             self.sources.append(None)
         self.active, self._before = self._held, self.points[self._held]
         if near is None:
-            self.points[self._held] = self._kept_inside(u, v)
+            self.points[self._held] = nearest_inside(u, v, self._size)
 
     def move(self, u: float, v: float) -> None:
         """Pull the point in the hand to a pixel."""
         if self._held is not None:
-            self.points[self._held] = self._kept_inside(u, v)
+            self.points[self._held] = nearest_inside(u, v, self._size)
 
     def release(self, u: float, v: float) -> None:
         """Let the point stand; the next click sets the next point without a place."""
@@ -83,7 +85,3 @@ class PointPlacing:
             return self.active
         unset = [index for index, point in enumerate(self.points) if point is None]
         return unset[0] if unset else len(self.points)
-
-    def _kept_inside(self, u: float, v: float) -> Pixel:
-        width, height = self._size
-        return min(max(u, 0.0), float(width)), min(max(v, 0.0), float(height))

@@ -93,6 +93,15 @@ class GroundPoint(bpy.types.PropertyGroup):
         options=set(),
     )
 
+    def as_numbers(self) -> tuple:
+        """All of it, as `take` wants it."""
+        return self.name, tuple(self.pixel), tuple(self.place), self.is_placed, self.miss
+
+    def take(self, numbers: tuple) -> None:
+        """Be what another point was."""
+        # What is changed by hand counts as placed and not matched yet, so those two come last.
+        self.name, self.pixel, self.place, self.is_placed, self.miss = numbers
+
 
 class TrackedObject(bpy.types.PropertyGroup):
     """The tracking markers that surround a playable object; its `name` is the object's."""
@@ -210,13 +219,7 @@ class FramingSettings(bpy.types.PropertyGroup):
 
     def list_tracked(self, names: Iterable[str]) -> None:
         """Have a line for the tracks of each of these objects; what was typed already stays."""
-        wanted = list(names)
-        for index in reversed(range(len(self.tracked))):
-            if self.tracked[index].name not in wanted:
-                self.tracked.remove(index)
-        for name in wanted:
-            if name not in self.tracked:
-                self.tracked.add().name = name
+        have_one_each(self.tracked, names)
 
     def placed_points(self) -> list[tuple[float, float, float, float]]:
         """[u, v, x, y] of the points that have a place in the picture."""
@@ -229,6 +232,17 @@ class FramingSettings(bpy.types.PropertyGroup):
         number = next(n for n in range(1, len(taken) + 2) if f"{POINT_NAME} {n}" not in taken)
         point.name, self.active_point = f"{POINT_NAME} {number}", len(self.points) - 1
         return point
+
+
+def have_one_each(entries: bpy.types.bpy_prop_collection, names: Iterable[str]) -> None:
+    """Have one entry for each of these names and no other; those that are there already stay."""
+    wanted = list(names)
+    for index in reversed(range(len(entries))):
+        if entries[index].name not in wanted:
+            entries.remove(index)
+    for name in wanted:
+        if name not in entries:
+            entries.add().name = name
 
 
 @lru_cache(maxsize=8)

@@ -2,10 +2,9 @@
 
 import bpy
 
+from ..framing.objects_panel import draw_edges
 from ..panel import PlayablePanel
 from .settings import OverrideSettings, StyleSource
-
-EDGES = ("Left", "Top", "Right", "Bottom")
 
 
 class PLAYABLE_UL_styles(bpy.types.UIList):
@@ -66,8 +65,7 @@ class PLAYABLE_PT_styles(PlayablePanel, bpy.types.Panel):
         column = layout.column(align=True)
         for name in ("image_path", "player", "camera"):
             column.prop(styles, name)
-        for index, edge in enumerate(EDGES):
-            column.prop(styles, "box", index=index, text=edge)
+        draw_edges(column, styles)
         column.operator("playable.add_style", icon="ADD")
         row = layout.row(align=True)
         row.prop(styles, "scene")

@@ -13,7 +13,6 @@ BLENDERS = frozenset(
     "gpu_extras idprop imbuf mathutils nodeitems_utils numpy rna_prop_ui".split()
 )
 """What every Blender brings."""
-Trees = Mapping[str, ast.Module]
 
 
 def missing_imports(files: Contents, brought: Contents) -> Iterator[str]:

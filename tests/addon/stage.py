@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813 its own documentation's name
 
+from blender_addon.state_files import picture_in
 from blender_addon.worker.worker_client import worker_command
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.shot import SHOT_VERSION, ObjectTrack, Shot, Start
@@ -32,6 +33,12 @@ def picture_of(width=WIDTH, height=HEIGHT):
     """All 256 bytes if there is room, different in every channel."""
     values = np.arange(width * height * 3).reshape(height, width, 3)
     return (values * 7 % 256).astype(np.uint8)
+
+
+def opened_picture(scene):
+    """The picture that a scene's environment was made from, as the start of a Shot."""
+    block = scene.playable_environment.state_text
+    return picture_in(block.as_string(), block.name)
 
 
 def shot_of(image, frames=4, **changes):

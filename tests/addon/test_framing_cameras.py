@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from addon.stage import BOXES, HEIGHT, WIDTH, front_camera, picture_of
+from addon.stage import BOXES, HEIGHT, WIDTH, front_camera, opened_picture, picture_of
 
 bpy = pytest.importorskip("bpy")
 from mathutils import Vector  # noqa: E402 - after the check for Blender
@@ -18,7 +18,6 @@ from blender_addon.framing.cameras import (  # noqa: E402
 from blender_addon.framing.framed import framed_picture  # noqa: E402
 from blender_addon.framing.showing import picture_in_view, placeholder  # noqa: E402
 from blender_addon.pictures import write_picture  # noqa: E402
-from blender_addon.playables import stored_picture  # noqa: E402
 from blender_addon.scene_bridge import look_through, playable_objects  # noqa: E402
 from pe_runtime.contract.camera import project  # noqa: E402
 from pe_runtime.contract.errors import CameraError  # noqa: E402
@@ -91,7 +90,7 @@ def test_moving_a_point_makes_the_match_stale_and_a_new_environment_matches_agai
     make(camera="MATCH")
     again = matched_camera(scene, (WIDTH, HEIGHT))
     assert again is not None and again != first
-    assert stored_picture(scene.playable_environment).camera == again
+    assert opened_picture(scene).camera == again
 
 
 def test_an_environment_from_a_match_stands_where_the_matched_camera_sees_it(scene, framing):
@@ -149,7 +148,7 @@ def test_any_camera_of_the_scene_can_have_seen_the_picture(scene, framing):
     look_through(other, scene.render, dataclasses.replace(side, world_from_camera=pose))
     framing.camera_mode, framing.camera = "SCENE", other
     make(camera="SCENE")
-    assert stored_picture(scene.playable_environment).camera.world_from_camera[0, 3] == 1.0
+    assert opened_picture(scene).camera.world_from_camera[0, 3] == 1.0
     assert scene.camera == other
 
 
@@ -160,7 +159,7 @@ def test_a_camera_moved_by_a_constraint_is_taken_where_it_is(scene, framing):
     follow = scene.camera.constraints.new("COPY_LOCATION")
     follow.target = anchor
     make()
-    seen = stored_picture(scene.playable_environment).camera
+    seen = opened_picture(scene).camera
     assert seen.world_from_camera[:3, 3] == pytest.approx((2.0, -8.0, 2.5))
 
 

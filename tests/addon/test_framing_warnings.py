@@ -38,6 +38,17 @@ def test_what_the_model_knows_is_not_warned_of():
     assert kinds(front_camera()) == []
 
 
+def test_an_excess_that_would_be_said_as_nothing_is_no_warning():
+    camera = front_camera()
+    height = float(camera.world_from_camera[2, 3])
+    assert kinds(camera, facts=facts_with(camera_heights=(0.0, height - 0.04))) == []
+    assert kinds(camera, facts=facts_with(camera_heights=(0.0, height - 0.06))) != []
+    feet = [foot_of(camera, box) for box in BOXES.values()]
+    nearest = min(y for _, y in feet)
+    assert kinds(camera, facts=facts_with(positions=((-5.0, nearest + 0.04), (5.0, 9.0)))) == []
+    assert kinds(camera, facts=facts_with(positions=((-5.0, nearest + 0.06), (5.0, 9.0)))) != []
+
+
 @pytest.mark.parametrize(
     ("changes", "kind", "text"),
     [

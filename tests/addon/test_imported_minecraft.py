@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 from addon.recorded_weights import imported_model
-from addon.stage import read_png
+from addon.stage import opened_picture, read_png
 
 from pe_runtime.contract.camera import project
 from pe_runtime.environment import PlayableEnvironment
@@ -94,7 +94,7 @@ def scene(model, environment):
 def states(scene, environment):
     """The model's own steps from the same picture, camera and boxes."""
     settings = scene.playable_environment
-    shot, start = bake_of(settings).shot, playables.stored_picture(settings)
+    shot, start = bake_of(settings).shot, opened_picture(scene)
     picture = read_image(start.image)
     found, memory = [environment.encode(picture, start.camera, start.boxes)], None
     for frame in range(1, FRAMES):

@@ -13,7 +13,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813 its own documentation's name
 import pytest
 from addon.recorded_weights import imported_model
-from addon.stage import read_png
+from addon.stage import opened_picture, read_png
 
 from pe_runtime.contract.camera import Camera
 from pe_runtime.environment import PlayableEnvironment, RenderOptions
@@ -122,7 +122,7 @@ def open_scene(made):
             points = np.array([each.matrix_world @ v.co for v in each.data.vertices])
             made.volumes[each[VOLUME_KEY]] = points.min(axis=0), points.max(axis=0)
     settings = scene.playable_environment
-    made.encoded = playables.stored_picture(settings)
+    made.encoded = opened_picture(scene)
     made.facts = {
         "size": tuple(settings.native_size),
         "pace": settings.steps_per_second,

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from addon import real_duel
-from addon.stage import read_png
+from addon.stage import opened_picture, read_png
 
 from blender_addon import state_files
 from blender_addon.state_files import file_name, portable, state_file, stored_state
@@ -182,7 +182,7 @@ def as_before_states(scene):
     """The scene's bake as it was written when bakes began with the picture."""
     settings = scene.playable_environment
     bake = bake_of(settings)
-    shot = dataclasses.replace(bake.shot, start=playables.stored_picture(settings))
+    shot = dataclasses.replace(bake.shot, start=opened_picture(scene))
     old = Bake(shot, bake.paths, bake.headings).to_json().replace('"format": 2', '"format": 1', 1)
     playables.write_text(settings.bake_text, "", old)
     return shot
