@@ -2,8 +2,9 @@
 
 import bpy
 
+from ..polls import allowed
 from ..scene_bridge import ENGINE
-from ..worker.worker_operator import Result, allowed
+from ..worker.worker_operator import Result
 from .pixels import colour_changes, use_exact_colours
 
 EXACT_SPACE = "Linear Rec.709"

@@ -5,10 +5,11 @@ from bpy.props import StringProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
+from ..polls import allowed
 from ..worker import questions
 from ..worker.replies import DetectedBoxes
 from ..worker.session import session
-from ..worker.worker_operator import Task, WorkerOperator, allowed, failed, model_path
+from ..worker.worker_operator import Task, WorkerOperator, failed, model_path
 from .box_limits import Box, all_inside
 from .picture_source import find_picture
 from .readiness import edits_of

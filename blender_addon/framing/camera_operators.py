@@ -9,10 +9,11 @@ from bpy.props import EnumProperty, IntProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
+from ..polls import allowed
 from ..worker import questions
 from ..worker.replies import MatchedCamera
 from ..worker.session import session
-from ..worker.worker_operator import Task, WorkerOperator, allowed, failed, model_path
+from ..worker.worker_operator import Task, WorkerOperator, failed, model_path
 from .backdrop import shown_size
 from .cameras import has_shape, match_question, use_size
 from .landmarks import FEWEST, GOOD_RESIDUAL, Place, landmarks

@@ -9,10 +9,11 @@ from bpy.props import BoolProperty, EnumProperty, StringProperty
 from pe_runtime.contract.camera import Camera
 from pe_runtime.contract.model_facts import ModelFacts
 
+from ..polls import allowed, in_object_mode, not_rendering
 from ..usual_camera import usual_camera
 from ..worker import questions
 from ..worker.session import session
-from ..worker.worker_operator import Task, WorkerOperator, allowed, model_path, not_rendering
+from ..worker.worker_operator import Task, WorkerOperator, model_path
 from .cameras import environment_matrix, scene_camera, seen_by
 from .opening import (
     Opening,
@@ -93,7 +94,7 @@ class PLAYABLE_OT_new_environment(NewEnvironment, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return allowed(cls, context.mode == "OBJECT", "Leave edit or pose mode first")
+        return in_object_mode(cls, context)
 
 
 class PLAYABLE_OT_open_picture(NewEnvironment, bpy.types.Operator):
@@ -105,7 +106,7 @@ class PLAYABLE_OT_open_picture(NewEnvironment, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not allowed(cls, context.mode == "OBJECT", "Leave edit or pose mode first"):
+        if not in_object_mode(cls, context):
             return False
         lacking = missing(context.scene, edits_of(context))
         if not allowed(cls, lacking is None, lacking.text if lacking else ""):

@@ -12,7 +12,8 @@ from bpy.props import FloatVectorProperty, IntProperty, StringProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
-from ..worker.worker_operator import allowed, failed
+from ..polls import in_object_mode
+from ..worker.worker_operator import failed
 from .backdrop import shown_size
 from .box_drawing import BoxDrawing
 from .box_limits import inside
@@ -128,7 +129,7 @@ class PLAYABLE_OT_draw_boxes(PictureTool, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return allowed(cls, context.mode == "OBJECT", "Leave edit or pose mode first")
+        return in_object_mode(cls, context)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         settings = context.scene.playable_environment
@@ -198,7 +199,7 @@ class PLAYABLE_OT_place_ground_points(PictureTool, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return allowed(cls, context.mode == "OBJECT", "Leave edit or pose mode first")
+        return in_object_mode(cls, context)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> set[str]:
         return self.begin(context)

@@ -10,8 +10,9 @@ from bpy.props import EnumProperty, StringProperty
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
 from ..panel import label_lines, wrapped_label
+from ..polls import allowed
 from ..worker.session import session
-from ..worker.worker_operator import Result, allowed, failed
+from ..worker.worker_operator import Result, failed
 from . import redrawing
 from .installation import DONE, installation
 from .plan import (

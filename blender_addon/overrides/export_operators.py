@@ -9,8 +9,9 @@ from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
 from ..bake import Output, bake_of
 from ..playing.stand_in import moment_at, stand_in_for
+from ..polls import has_bake, has_environment
 from ..scene_bridge import frames_per_second, wanted_passes
-from ..worker.worker_operator import Result, allowed, failed
+from ..worker.worker_operator import Result, failed
 from .exported_shot import film_of, write_film
 
 SUFFIX = ".json"
@@ -35,12 +36,7 @@ class PLAYABLE_OT_export_shot(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        settings = context.scene.playable_environment
-        if not allowed(cls, settings.root is not None, "Make a New Playable Environment first"):
-            return False
-        return allowed(
-            cls, settings.bake_text is not None, "Nothing is baked yet: press Bake Paths"
-        )
+        return has_environment(cls, context.scene) and has_bake(cls, context.scene)
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Result:
         if not self.filepath:

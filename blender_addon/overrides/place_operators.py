@@ -7,9 +7,10 @@ from pe_runtime.contract.errors import PlayableEnvironmentError
 
 from ..bake import bake_of
 from ..playing.stand_in import moment_at, stand_in_for
-from ..worker.worker_operator import Result, allowed, failed
+from ..polls import has_bake
+from ..worker.worker_operator import Result, failed
 from .places import ALL, FRAME, ONWARDS, follow_path, leave_path
-from .pose_operators import playable_chosen
+from .pose_operators import can_be_keyed
 
 EXTENTS = (
     (FRAME, "At This Frame", "Only at the current frame"),
@@ -31,7 +32,7 @@ class PLAYABLE_OT_leave_path(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return playable_chosen(cls, context)
+        return can_be_keyed(cls, context.object)
 
     def execute(self, context: bpy.types.Context) -> Result:
         try:
@@ -54,10 +55,7 @@ class PLAYABLE_OT_follow_path(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not playable_chosen(cls, context):
-            return False
-        baked = context.scene.playable_environment.bake_text is not None
-        return allowed(cls, baked, "Nothing is baked yet: press Bake Paths")
+        return can_be_keyed(cls, context.object) and has_bake(cls, context.scene)
 
     def execute(self, context: bpy.types.Context) -> Result:
         scene, target = context.scene, context.object

@@ -6,7 +6,8 @@ from bpy.props import BoolProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
-from ..worker.worker_operator import Result, allowed, failed
+from ..polls import allowed, playable_chosen
+from ..worker.worker_operator import Result, failed
 from .key_history import POSE_PATH, key_from
 
 HOLDING = "Keep the pose of this frame from here on, wherever the object goes (keys Held)"
@@ -34,7 +35,7 @@ class PLAYABLE_OT_hold_pose(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return playable_chosen(cls, context)
+        return can_be_keyed(cls, context.object)
 
     def execute(self, context: bpy.types.Context) -> Result:
         target, frame = context.object, context.scene.frame_current
@@ -45,14 +46,9 @@ class PLAYABLE_OT_hold_pose(bpy.types.Operator):
         return {"FINISHED"}
 
 
-def playable_chosen(operator: type, context: bpy.types.Context) -> bool:
-    """Whether the active object is a playable one that can be keyed, for a poll."""
-    chosen = context.object
-    if not allowed(
-        operator,
-        chosen is not None and chosen.playable.is_playable,
-        "Select a playable Empty first",
-    ):
+def can_be_keyed(operator: type, chosen: bpy.types.Object | None) -> bool:
+    """Whether an object is a playable one and this file's own, for a poll."""
+    if not playable_chosen(operator, chosen):
         return False
     return allowed(
         operator, chosen.is_editable, "It is linked from another file; make a library override"

@@ -12,11 +12,12 @@ from ..framing.box_limits import Box, all_inside
 from ..framing.opening import boxes_from_json, check_names
 from ..pictures import read_picture
 from ..playables import Picture
+from ..polls import allowed, has_environment
 from ..scene_bridge import read_camera
 from ..usual_camera import usual_camera
 from ..worker import questions
 from ..worker.session import session
-from ..worker.worker_operator import Result, Task, WorkerOperator, allowed, failed, model_path
+from ..worker.worker_operator import Result, Task, WorkerOperator, failed, model_path
 from .style_sources import Encoded, add_from_picture, add_from_scene, remove_style
 
 
@@ -38,8 +39,7 @@ class PLAYABLE_OT_add_style(WorkerOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        settings = context.scene.playable_environment
-        return allowed(cls, settings.root is not None, "Make a New Playable Environment first")
+        return has_environment(cls, context.scene)
 
     def task(self, context: bpy.types.Context) -> Task:
         scene, name = context.scene, context.scene.name
@@ -100,10 +100,10 @@ class PLAYABLE_OT_add_scene_styles(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        settings = context.scene.playable_environment
-        if not allowed(cls, settings.root is not None, "Make a New Playable Environment first"):
+        if not has_environment(cls, context.scene):
             return False
-        return allowed(cls, settings.styles.scene is not None, "Choose another scene first")
+        other = context.scene.playable_environment.styles.scene
+        return allowed(cls, other is not None, "Choose another scene first")
 
     def execute(self, context: bpy.types.Context) -> Result:
         styles = context.scene.playable_environment.styles

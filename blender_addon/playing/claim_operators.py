@@ -11,8 +11,9 @@ from pe_runtime.contract.model_facts import ModelFacts
 
 from .. import playables
 from ..framing.settings import read_facts
+from ..polls import allowed, playable_chosen
 from ..worker.session import session
-from ..worker.worker_operator import Result, Task, WorkerOperator, allowed, model_path
+from ..worker.worker_operator import Result, Task, WorkerOperator, model_path
 from .claims import free_names, left_out, other_claims
 
 _offered: list[tuple[str, str, str]] = []
@@ -38,7 +39,7 @@ class PLAYABLE_OT_stand_for(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        if not allowed(cls, _is_playable(context.object), "Select a playable Empty first"):
+        if not playable_chosen(cls, context.object):
             return False
         free = free_names(context.scene, context.object)
         return allowed(cls, bool(free), "Every playable object of the picture has its Empty")
@@ -61,7 +62,7 @@ class PLAYABLE_OT_make_not_playable(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        return allowed(cls, _is_playable(context.object), "Select a playable Empty first")
+        return playable_chosen(cls, context.object)
 
     def execute(self, context: bpy.types.Context) -> Result:
         others = other_claims(context.scene, context.object)
@@ -99,10 +100,6 @@ class PLAYABLE_OT_bring_back(WorkerOperator, bpy.types.Operator):
             return f"{name} has an Empty again"
 
         return Task(lambda should_stop, _: session.facts(model, should_stop), finish)
-
-
-def _is_playable(target: bpy.types.Object | None) -> bool:
-    return target is not None and target.playable.is_playable
 
 
 CLASSES = (PLAYABLE_OT_stand_for, PLAYABLE_OT_make_not_playable, PLAYABLE_OT_bring_back)

@@ -11,17 +11,11 @@ from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
 from .. import playables
 from ..framing.readiness import edits_of
+from ..polls import has_environment, not_rendering
 from ..scene_bridge import action_names, frames_per_second, playable_objects
 from ..worker import questions
 from ..worker.session import session
-from ..worker.worker_operator import (
-    Result,
-    Task,
-    WorkerOperator,
-    allowed,
-    model_path,
-    not_rendering,
-)
+from ..worker.worker_operator import Result, Task, WorkerOperator, model_path
 from .action_keys import delete_key_at, keyed_frames
 from .clip_actions import Box, ClipFrame, PictureFeed, ReadActions, State, read_actions, step_frames
 from .clip_reading import ClipSource, covering_strip, tracked_names
@@ -72,10 +66,7 @@ class PLAYABLE_OT_actions_from_clip(WorkerOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        settings = context.scene.playable_environment
-        if not allowed(cls, settings.root is not None, "Make a New Playable Environment first"):
-            return False
-        return not_rendering(cls)
+        return has_environment(cls, context.scene) and not_rendering(cls)
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Result:
         # Blender's main thread reads the pictures while another one looks at them.

@@ -7,12 +7,11 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
 from .. import playables
+from ..polls import allowed, in_object_mode, not_rendering, playable_chosen
 from ..scene_bridge import action_names
 from ..settings import action_items
-from ..worker.worker_operator import Result, allowed, failed, not_rendering
+from ..worker.worker_operator import Result, failed
 from .action_keys import delete_key_at, keyed_frames, neighbour, next_playable, players_at_hand
-
-NONE_CHOSEN = "Select a playable Empty first"
 
 
 class PLAYABLE_OT_insert_action_key(bpy.types.Operator):
@@ -30,8 +29,7 @@ class PLAYABLE_OT_insert_action_key(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        chosen = context.object is not None and context.object.playable.is_playable
-        if not allowed(cls, chosen, NONE_CHOSEN):
+        if not playable_chosen(cls, context.object):
             return False
         return allowed(cls, bool(action_names(context.object)), "The model has no actions for it")
 
@@ -144,7 +142,7 @@ class PLAYABLE_OT_next_object(bpy.types.Operator):
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
         # Nothing else may be active: Tab has to edit meshes as ever.
-        return allowed(cls, bool(_players(context)), NONE_CHOSEN)
+        return playable_chosen(cls, context.object)
 
     def execute(self, context: bpy.types.Context) -> Result:
         following = next_playable(context.view_layer, context.object)
@@ -163,12 +161,11 @@ def _players(context: bpy.types.Context) -> list[bpy.types.Object]:
 
 
 def _has_players(operator: type, context: bpy.types.Context) -> bool:
-    if not allowed(operator, context.mode == "OBJECT", "Leave edit or pose mode first"):
+    if not in_object_mode(operator, context):
         return False
-    players = _players(context)
-    if not allowed(operator, bool(players), NONE_CHOSEN):
+    if not playable_chosen(operator, context.object):
         return False
-    acting = any(action_names(each) for each in players)
+    acting = any(action_names(each) for each in _players(context))
     return allowed(operator, acting, "The model has no actions for it")
 
 

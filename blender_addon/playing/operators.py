@@ -4,10 +4,11 @@ import bpy
 
 from .. import playables
 from ..keyed_paths import write_bake
+from ..polls import has_environment, not_rendering
 from ..scene_bridge import sample_range, shot_from_moments
 from ..worker.replies import PredictedPaths
 from ..worker.session import session
-from ..worker.worker_operator import Task, WorkerOperator, allowed, model_path, not_rendering
+from ..worker.worker_operator import Task, WorkerOperator, model_path
 from .signature import signature_of
 from .stepping import action_warnings, step_actions
 from .watching import live
@@ -22,10 +23,7 @@ class PLAYABLE_OT_bake_paths(WorkerOperator, bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        root = context.scene.playable_environment.root
-        if not allowed(cls, root is not None, "Make a New Playable Environment first"):
-            return False
-        return not_rendering(cls)
+        return has_environment(cls, context.scene) and not_rendering(cls)
 
     def task(self, context: bpy.types.Context) -> Task:
         scene = context.scene

@@ -8,6 +8,7 @@ from time import monotonic
 import bpy
 from bpy.app.handlers import persistent
 
+from ..polls import rendering
 from ..windows import redraw
 from ..worker.session import session
 from .live_paths import LivePaths
@@ -29,7 +30,7 @@ def _forget_file(*_arguments: object) -> None:
 
 def _tick() -> float:
     # A render reads the scene in another thread: nothing may be written meanwhile.
-    if bpy.app.is_job_running("RENDER"):
+    if rendering():
         return RENDERING_SECONDS
     before = [live.note(scene) for scene in bpy.data.scenes]
     seconds = live.tick(monotonic())

@@ -4,6 +4,7 @@ import weakref
 
 import bpy
 
+from ..polls import rendering
 from ..windows import areas
 from .viewport import Viewport
 
@@ -37,11 +38,11 @@ def unregister() -> None:
 
 
 def _tick() -> float | None:
-    rendering = bpy.app.is_job_running("RENDER")
+    renders = rendering()
     news = False
     for viewport in list(_viewports):
-        viewport.rendering = rendering
-        if not rendering:
+        viewport.rendering = renders
+        if not renders:
             viewport.drawer.go_on()
         if viewport.has_news:
             viewport.note_news()
@@ -50,7 +51,7 @@ def _tick() -> float | None:
         _redraw()
     if not any(viewport.desk.has_more or viewport.has_news for viewport in _viewports):
         return None
-    return RENDERING_TICK_SECONDS if rendering else TICK_SECONDS
+    return RENDERING_TICK_SECONDS if renders else TICK_SECONDS
 
 
 def _redraw() -> None:

@@ -14,7 +14,8 @@ import bpy
 from bpy.app.translations import pgettext_iface as iface_
 from bpy.props import IntProperty, StringProperty
 
-from ..worker.worker_operator import Result, allowed, not_rendering
+from ..polls import allowed, has_bake, not_rendering
+from ..worker.worker_operator import Result
 from .job import RangeJob, source_of
 from .placing import StripPlan, place_strip
 from .provenance import provenance_of
@@ -147,10 +148,7 @@ def show_in_sequencer(
 
 
 def _can_render(operator: type, scene: bpy.types.Scene) -> bool:
-    baked = scene.playable_environment.bake_text is not None
-    if not allowed(operator, baked, "Bake paths first"):
-        return False
-    return not_rendering(operator)
+    return has_bake(operator, scene) and not_rendering(operator)
 
 
 CLASSES = (

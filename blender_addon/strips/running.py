@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
 from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.model_facts import ModelFacts
 
+from ..polls import rendering
 from ..worker.background import BackgroundCall
 from .arrivals import Arrivals
 from .job import RangeJob, file_name, source_of
@@ -145,7 +145,7 @@ def _drawing(
             )
             yield Progress(f"{said}{left}", done / count, True)
             # What Blender ends without a word, as it does for an undo, is over too.
-            idle = 0 if bpy.app.is_job_running("RENDER") else idle + 1
+            idle = 0 if rendering() else idle + 1
             in_background = not arrivals.ended or idle == 0
         arrivals.cancelled |= not arrivals.ended and idle > IDLE_TURNS
 

@@ -6,7 +6,8 @@ import bpy
 
 from pe_runtime.contract.errors import ShotError
 
-from ..worker.worker_operator import Result, allowed
+from ..polls import allowed
+from ..worker.worker_operator import Result
 from .job import RangeJob
 from .operators import show_in_sequencer
 from .provenance import JOB_KEY, scene_of_strip

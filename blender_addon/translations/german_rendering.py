@@ -67,7 +67,6 @@ MESSAGES = {
             "Dateien im Ordner der Einzelbilder, die nicht hier gerendert oder seither geändert "
             "wurden: {count}. Das Rendern würde sie ersetzen."
         ),
-        "Bake paths first": "Zuerst die Pfade backen",
         "Wait until Blender has rendered, or stop it with Esc": (
             "Warten, bis Blender gerendert hat, oder mit Esc abbrechen"
         ),

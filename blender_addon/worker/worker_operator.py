@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
-from bpy.app.translations import pgettext_tip as tip_
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
+from ..polls import rendering
 from ..windows import redraw
 from .background import BackgroundCall, Work
 from .replies import WorkerCancelledError
@@ -110,25 +110,6 @@ def show_progress(context: bpy.types.Context, text: str, share: float) -> None:
     """Show what is being done and how much of it is, in [0, 1]."""
     context.window_manager.progress_update(int(100 * share))
     context.workspace.status_text_set(f"{iface_(text)} · {share:.0%} · {iface_('Esc to stop')}")
-
-
-def allowed(operator: type, condition: bool, why_not: str) -> bool:
-    """The answer of a poll; where it is no, a greyed button says why."""
-    if not condition:
-        operator.poll_message_set(tip_(why_not))
-    return condition
-
-
-def rendering() -> bool:
-    """Whether Blender renders; it counts the frames of an animation in the scene itself."""
-    return bpy.app.is_job_running("RENDER")
-
-
-def not_rendering(operator: type) -> bool:
-    """The answer of the poll of what goes through frames or changes what is being rendered."""
-    return allowed(
-        operator, not rendering(), "Wait until Blender has rendered, or stop it with Esc"
-    )
 
 
 def model_path(model: str) -> str:

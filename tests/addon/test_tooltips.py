@@ -42,6 +42,8 @@ def silent_refusals(function, known):
     """
 
     def speaks(node):
+        if isinstance(node, ast.BoolOp) and isinstance(node.op, ast.And):
+            return all(map(speaks, node.values))
         if not isinstance(node, ast.Call):
             return False
         if ast.unparse(node.func) == "super().poll":
@@ -142,6 +144,8 @@ def test_in_an_empty_file_whatever_is_grey_says_why(addon):
         ("if not x:\n        return False\n    return allowed(cls, x, 'why')", [3]),
         ("if not super().poll(x):\n        return False\n    return True", []),
         ("return chosen(cls, x)", []),
+        ("return chosen(cls, x) and allowed(cls, x, 'why')", []),
+        ("return chosen(cls, x) and x", [2]),
         ("return shrugging(cls, x)", [2]),
     ],
 )

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 bpy = pytest.importorskip("bpy")
-from blender_addon import playables  # noqa: E402 - after the check for Blender
+from blender_addon import playables, polls  # noqa: E402 - after the check for Blender
 from blender_addon.scene_bridge import playable_objects  # noqa: E402
 from blender_addon.worker import worker_operator  # noqa: E402
 from blender_addon.worker.replies import WorkerCancelledError  # noqa: E402
@@ -155,5 +155,5 @@ def test_nothing_goes_through_the_frames_of_a_scene_that_is_rendered(
     player.select_set(True)
     operator = getattr(bpy.ops.playable, name)
     assert operator.poll()
-    monkeypatch.setattr(worker_operator, "rendering", lambda: True)
+    monkeypatch.setattr(polls, "rendering", lambda: True)
     assert not operator.poll()
