@@ -357,7 +357,9 @@ def find_model(model: str | Path) -> Path:
     if str(model) in builtin:
         return builtin[str(model)]
     known = ", ".join(builtin) or "none"
-    raise CheckpointError(f"no model {str(model)!r}: neither a file nor built in ({known})")
+    raise CheckpointError(
+        f"no model {str(model)!r}: neither a file nor built in ({known}); choose another"
+    )
 
 
 def _load(module: torch.nn.Module, tensors: Mapping[str, Tensor], prefix: str, what: str) -> None:

@@ -57,9 +57,13 @@ class NewEnvironment(WorkerOperator):
     )
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        if not self.properties.is_property_set("camera"):
-            self.camera = context.scene.playable_environment.framing.camera_mode
+        self.follow_setting(context.scene)
         return super().invoke(context, event)
+
+    def follow_setting(self, scene: bpy.types.Scene) -> None:
+        """Unless a camera was asked for, take what the panel says."""
+        if not self.properties.is_property_set("camera"):
+            self.camera = scene.playable_environment.framing.camera_mode
 
     def task(self, context: bpy.types.Context) -> Task:
         scene, name, as_new = context.scene, context.scene.name, self.new_scene
@@ -114,8 +118,7 @@ class PLAYABLE_OT_open_picture(NewEnvironment, bpy.types.Operator):
         return not_rendering(cls)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        if not self.properties.is_property_set("camera"):
-            self.camera = context.scene.playable_environment.framing.camera_mode
+        self.follow_setting(context.scene)
         return super().execute(context)
 
 

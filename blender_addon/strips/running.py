@@ -15,6 +15,7 @@ from bpy.app.translations import pgettext_iface as iface_
 from pe_runtime.contract.errors import ShotError
 from pe_runtime.contract.model_facts import ModelFacts
 
+from ..filming.pace import duration_in_words
 from ..polls import rendering
 from ..worker.background import BackgroundCall
 from .arrivals import Arrivals
@@ -154,10 +155,5 @@ def time_left(spent: float, done: int, count: int) -> str:
     """How long the rest will take, to go on a sentence; empty before the first frame is done."""
     if not done:
         return ""
-    seconds = spent / done * (count - done)
-    if seconds < 90:
-        return iface_(", {seconds} s left").format(seconds=max(round(seconds), 1))
-    minutes = round(seconds / 60)
-    if minutes < 90:
-        return iface_(", {minutes} min left").format(minutes=minutes)
-    return iface_(", {hours} h left").format(hours=f"{minutes / 60:.1f}")
+    duration = duration_in_words(spent / done * (count - done))
+    return iface_(", about {duration} left").format(duration=duration)

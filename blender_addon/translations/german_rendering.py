@@ -101,9 +101,7 @@ MESSAGES = {
             "wird"
         ),
         "Frame {number} of {count}": "Einzelbild {number} von {count}",
-        ", {seconds} s left": ", noch {seconds} s",
-        ", {minutes} min left": ", noch {minutes} min",
-        ", {hours} h left": ", noch {hours} h",
+        ", about {duration} left": ", noch etwa {duration}",
         "Esc to stop; finished frames are kept": "Esc bricht ab; Fertiges bleibt",
         "Reading the scene": "Szene wird gelesen",
         "Asking the worker": "Arbeitsprozess wird gefragt",

@@ -353,10 +353,10 @@ def test_a_scene_renamed_while_it_is_rendered_is_found_again(baked, frames):
     ("spent", "done", "count", "said"),
     [
         (3.0, 0, 10, ""),
-        (5.0, 5, 10, ", 5 s left"),
-        (0.1, 9, 10, ", 1 s left"),
-        (600.0, 10, 20, ", 10 min left"),
-        (7200.0, 10, 30, ", 4.0 h left"),
+        (5.0, 5, 10, ", about 5 s left"),
+        (0.1, 9, 10, ", about 1 s left"),
+        (600.0, 10, 20, ", about 10 min left"),
+        (7200.0, 10, 30, ", about 4 h 00 min left"),
     ],
 )
 def test_the_time_that_is_left_is_said_in_the_unit_that_fits(spent, done, count, said):
