@@ -21,6 +21,8 @@ BORDER = 0.5
 SLACK = 1e-3
 """Share of a bound by which it may be passed: Blender keeps cameras in single precision."""
 LEVEL = 1e-6
+LEAST, LEAST_SHARE = 0.05, 0.005
+"""Metres or degrees, and share, of an excess that would not be said as nothing."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,7 @@ def _about_place(
 ) -> Iterator[FramingWarning]:
     low, high = envelope.positions
     beyond = [_beyond(value, span) for value, *span in zip(foot, low, high, strict=True)]
-    if any(beyond):
+    if math.hypot(*beyond) >= LEAST:
         text = (
             f"{name} stands at ({foot[0]:.1f}, {foot[1]:.1f}) m, {math.hypot(*beyond):.1f} m "
             f"outside of the ground that the model knows: x {low[0]:.1f} to {high[0]:.1f}, "
@@ -163,7 +165,8 @@ EXCESSES = {"camera height": "{:.1f} m", "camera distance": "{:.1f} m", "box hei
 def _outside(
     kind: str, name: str, value: float, span: tuple[float, float]
 ) -> Iterator[FramingWarning]:
-    if beyond := _beyond(value, span):
+    beyond = _beyond(value, span)
+    if abs(beyond) >= (LEAST_SHARE if kind == "box height" else LEAST):
         said, known = SAYINGS[kind]
         excess = EXCESSES.get(kind, "{:.1f}°").format(abs(beyond))
         way = "too much" if beyond > 0 else "too little"
