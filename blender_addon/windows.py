@@ -16,3 +16,10 @@ def redraw(*kinds: str) -> None:
     """Have all editors of these kinds drawn again."""
     for each in areas(*kinds):
         each.tag_redraw()
+
+
+def redraw_sidebars(*kinds: str) -> None:
+    """Have their sidebars drawn again, but not the costly views beside those."""
+    for each in areas(*kinds):
+        for region in (one for one in each.regions if one.type == "UI"):
+            region.tag_redraw()

@@ -9,7 +9,7 @@ from bpy.props import BoolProperty
 
 from pe_runtime.contract.errors import PlayableEnvironmentError, ShotError
 
-from ..windows import areas
+from ..windows import redraw_sidebars
 from ..worker.worker_operator import Result, end_modal, failed, show_progress, start_modal
 from .job import RangeJob, claim_job, job_for
 from .placing import show_new_pixels
@@ -163,20 +163,13 @@ class RangeOperator:
     def _show(self, context: bpy.types.Context) -> None:
         shown_progress[self._job.id] = self._progress
         show_progress(context, self._progress.text, self._progress.share)
-        _redraw()
+        redraw_sidebars("VIEW_3D", "SEQUENCE_EDITOR")
 
     def _end(self, context: bpy.types.Context) -> None:
         self._running.close()
         shown_progress.pop(self._job.id, None)
         end_modal(self, context)
-        _redraw()
-
-
-def _redraw() -> None:
-    """Have the panels that tell of a job drawn again, but not the costly views beside them."""
-    for area in areas("VIEW_3D", "SEQUENCE_EDITOR"):
-        for region in (each for each in area.regions if each.type == "UI"):
-            region.tag_redraw()
+        redraw_sidebars("VIEW_3D", "SEQUENCE_EDITOR")
 
 
 def _drained(running: Running) -> Outcome:

@@ -9,11 +9,10 @@ import pytest
 from addon.stage import faulty, read_png
 
 bpy = pytest.importorskip("bpy")
-from blender_addon import playables  # noqa: E402 - after the check for Blender
+from blender_addon import playables, windows  # noqa: E402 - after the check for Blender
 from blender_addon.scene_bridge import playable_objects  # noqa: E402
 from blender_addon.strips import lending  # noqa: E402
 from blender_addon.strips.manifest import FILE_NAME, read_manifest  # noqa: E402
-from blender_addon.strips.range_operator import redraw  # noqa: E402
 
 pytestmark = pytest.mark.blender
 COUNT = 8
@@ -64,7 +63,7 @@ def key_action_from(scene, frame):
     bpy.ops.playable.bake_paths()
 
 
-def test_a_job_redraws_the_sidebars_that_tell_of_it_and_no_view():
+def test_a_job_redraws_the_sidebars_that_tell_of_it_and_no_view(monkeypatch):
     told = []
 
     def region(kind):
@@ -72,10 +71,13 @@ def test_a_job_redraws_the_sidebars_that_tell_of_it_and_no_view():
 
     area = SimpleNamespace(type="VIEW_3D", regions=[region("WINDOW"), region("UI")])
     area.tag_redraw = lambda: told.append("AREA")
-    window = SimpleNamespace(screen=SimpleNamespace(areas=[area]))
-    manager = SimpleNamespace(windows=[window])
-    redraw(SimpleNamespace(window_manager=manager))
+    monkeypatch.setattr(windows, "areas", lambda *kinds: [area] if area.type in kinds else [])
+    windows.redraw_sidebars("SEQUENCE_EDITOR")
+    assert told == []
+    windows.redraw_sidebars("SEQUENCE_EDITOR", "VIEW_3D")
     assert told == ["UI"]
+    windows.redraw("VIEW_3D")
+    assert told == ["UI", "AREA"]
 
 
 def test_a_second_time_nothing_is_drawn(baked, frames, drawn):
