@@ -9,6 +9,7 @@ Without a window they do the same, and what was finished before is not drawn aga
 """
 
 import json
+from collections.abc import Iterable
 
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
@@ -141,10 +142,15 @@ def show_in_sequencer(
     leave_sequencer_out(target)
     for warning in target_warnings(scene, target):
         operator.report({"WARNING"}, warning)
-    # Since 5.0 a sequencer editor shows the workspace's scene, and none is chosen at first.
-    if getattr(context.workspace, "sequencer_scene", scene) is None:
-        context.workspace.sequencer_scene = target
+    show_where_none_is_chosen(bpy.data.workspaces, target)
     return strip
+
+
+def show_where_none_is_chosen(workspaces: Iterable[object], target: bpy.types.Scene) -> None:
+    """Have sequencers show a scene that show none: since 5.0 a workspace chooses it for them."""
+    for each in workspaces:
+        if getattr(each, "sequencer_scene", target) is None:
+            each.sequencer_scene = target
 
 
 def _can_render(operator: type, scene: bpy.types.Scene) -> bool:

@@ -1,6 +1,7 @@
 """Rendered ranges as strips: one per job, replaced in place, never in the engine's way."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from blender_addon import playables  # noqa: E402 - after the check for Blender
 from blender_addon.scene_bridge import playable_objects  # noqa: E402
 from blender_addon.strips.job import job_for  # noqa: E402
 from blender_addon.strips.lending import lent_settings  # noqa: E402
+from blender_addon.strips.operators import show_where_none_is_chosen  # noqa: E402
 from blender_addon.strips.placing import StripPlan, place_strip  # noqa: E402
 from blender_addon.strips.provenance import JOB_KEY  # noqa: E402
 from blender_addon.strips.timing import span  # noqa: E402
@@ -164,7 +166,7 @@ def test_a_relative_folder_needs_a_saved_file_and_a_step_is_refused(baked):
 
 
 def test_rendering_to_the_sequencer_before_baking_explains_itself(environment):
-    with pytest.raises(RuntimeError, match="Bake paths first"):
+    with pytest.raises(RuntimeError, match="press Bake Paths"):
         bpy.ops.playable.render_to_sequencer(folder="/tmp")
 
 
@@ -172,3 +174,11 @@ def test_a_video_of_odd_size_is_refused_before_rendering(edit, tmp_path):
     edit.render.resolution_x, edit.render.resolution_y = 63, 36
     with pytest.raises(ShotError, match="63x36 pixels; make both numbers even"):
         write_video(edit, tmp_path / "odd.mp4")
+
+
+def test_every_workspace_whose_sequencer_shows_nothing_shows_the_strip(scene):
+    chosen, empty = SimpleNamespace(sequencer_scene="mine"), SimpleNamespace(sequencer_scene=None)
+    before_5 = SimpleNamespace()
+    show_where_none_is_chosen([chosen, empty, before_5], scene)
+    assert (chosen.sequencer_scene, empty.sequencer_scene) == ("mine", scene)
+    assert not vars(before_5)
