@@ -112,6 +112,8 @@ class PlayableSettings(bpy.types.PropertyGroup):
     action: EnumProperty(
         name="Action",
         description="What the object does from this frame to the next key",
+        # Else Blender translates those of a model's names that it happens to know.
+        translation_context="Playable",
         items=_items_for,
         default=0,
         override={"LIBRARY_OVERRIDABLE"},

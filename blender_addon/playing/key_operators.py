@@ -24,6 +24,7 @@ class PLAYABLE_OT_insert_action_key(bpy.types.Operator):
     action: EnumProperty(
         name="Action",
         description="What the object does from this frame on",
+        translation_context="Playable",
         items=lambda _self, context: action_items(_names_in(context)),
     )
 

@@ -14,6 +14,9 @@ MESSAGES = {
         "Make Not Playable": "Nicht mehr spielbar",
         "Next Playable Object": "Nächstes spielbares Objekt",
     },
+    "Playable": {
+        "Action": "Aktion",
+    },
     "*": {
         "Playable Object": "Spielbares Objekt",
         "This Empty stands for a playable object": "Dieses Empty steht für ein spielbares Objekt",

@@ -129,3 +129,11 @@ def test_sentences_that_reach_a_panel_in_other_ways_are_found():
 @pytest.mark.parametrize("source", NOT_SHOWN)
 def test_what_a_source_does_not_show_itself_is_not_asked_of_german(source):
     assert strings_of_source(ast.parse(source), {}) == (set(), set())
+
+
+def test_the_names_of_a_models_actions_stay_its_own(environment):
+    # In its own catalogue Blender knows Left and Right, but not Forward.
+    player = next(each for each in environment.objects if each.playable.is_playable)
+    operator = bpy.ops.playable.insert_action_key.get_rna_type()
+    for owner in (player.playable.bl_rna, operator):
+        assert owner.properties["action"].translation_context == "Playable"
