@@ -152,13 +152,18 @@ class _Build:
             self._downloads, lambda: _site_packages(environment), self.plan.cost.download
         )
 
+        def tell() -> None:
+            self.on_stage(progress.stage, MADE + (INSTALLED - MADE) * progress.share)
+
         def note(line: str) -> None:
             self.log.append(line)
             progress.note_line(line)
+            # A small package is in before the next tick.
+            tell()
 
         def tick() -> None:
             progress.look()
-            self.on_stage(progress.stage, MADE + (INSTALLED - MADE) * progress.share)
+            tell()
 
         self._run(command, "installing the packages", note, tick)
 
