@@ -8,6 +8,8 @@ from bpy.app.translations import pgettext_iface as iface_
 from .wrapping import SIDEBAR_CHARACTERS, wrapped
 
 LINE_SCALE = 0.8
+CHARACTER, MARGIN = 7.0, 60.0
+"""Pixels of an average character, and of what stands beside texts, at the usual interface scale."""
 
 
 class PlayablePanel:
@@ -16,6 +18,12 @@ class PlayablePanel:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
     bl_category = "Playable"
+
+
+def characters_beside_icon(context: bpy.types.Context) -> int:
+    """How many characters of a label fit beside an icon into the region as wide as it is."""
+    scale = context.preferences.system.ui_scale
+    return max(int((context.region.width / scale - MARGIN) / CHARACTER), 16)
 
 
 def wrapped_label(

@@ -7,7 +7,7 @@ from bpy.app.translations import pgettext_iface as iface_
 
 from pe_runtime.contract.errors import PlayableEnvironmentError
 
-from ..panel import PlayablePanel, wrapped_label
+from ..panel import PlayablePanel, characters_beside_icon, wrapped_label
 from .camera_panel import draw_camera
 from .framed import FramedPicture, framed_picture
 from .objects_panel import draw_objects
@@ -15,9 +15,6 @@ from .readiness import CAMERA, OBJECTS, PICTURE, all_missing, edits_of
 from .settings import MODEL_FILE
 from .strip_frames import frame_under_playhead
 
-CHARACTER = 7.0
-"""Pixels of an average character at Blender's usual interface scale."""
-MARGIN = 60.0
 THUMBNAIL = 6.0
 
 
@@ -34,7 +31,7 @@ class PLAYABLE_PT_environment(PlayablePanel, bpy.types.Panel):
         edits = edits_of(context)
         lacks = {each.step: each.text for each in all_missing(context.scene, edits)}
         seen = framed_picture(context.scene)
-        width, done = _characters(context), _is_encoded(context.scene)
+        width, done = characters_beside_icon(context), _is_encoded(context.scene)
         if (body := _step(layout, "1   Picture", lacks.get(PICTURE, ""), width, done)) is not None:
             _draw_picture(body, context.scene, edits, width)
         trouble = lacks.get(CAMERA) or (seen.trouble if seen else "")
@@ -134,12 +131,6 @@ def _draw_ways_in(layout: bpy.types.UILayout, done: bool) -> None:
     column.operator("playable.open_picture", icon="OUTLINER_OB_EMPTY")
     other = layout.operator("playable.open_picture", text="New in New Scene", icon="SCENE_DATA")
     other.new_scene = True
-
-
-def _characters(context: bpy.types.Context) -> int:
-    """How many characters of a label fit beside an icon."""
-    scale = context.preferences.system.ui_scale
-    return max(int((context.region.width / scale - MARGIN) / CHARACTER), 16)
 
 
 CLASSES = (PLAYABLE_PT_environment,)

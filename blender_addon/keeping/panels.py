@@ -3,7 +3,7 @@
 import bpy
 from bpy.app.translations import pgettext_iface as iface_
 
-from ..panel import PlayablePanel, wrapped_label
+from ..panel import PlayablePanel, characters_beside_icon, wrapped_label
 from ..wrapping import sentence
 from .problems import problems_of
 
@@ -23,8 +23,9 @@ class PLAYABLE_PT_problems(PlayablePanel, bpy.types.Panel):
 
     def draw(self, context: bpy.types.Context) -> None:
         self.layout.label(text=self.bl_label)
+        width = characters_beside_icon(context)
         for problem in problems_of(context.scene):
-            wrapped_label(self.layout, sentence(iface_(problem)), "ERROR")
+            wrapped_label(self.layout, sentence(iface_(problem)), "ERROR", width)
 
 
 def register() -> None:

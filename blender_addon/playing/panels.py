@@ -6,7 +6,7 @@ from bpy.app.translations import pgettext_iface as iface_
 from pe_runtime.contract.errors import ShotError
 
 from ..bake import bake_of
-from ..panel import PlayablePanel, wrapped_label
+from ..panel import PlayablePanel, characters_beside_icon, wrapped_label
 from ..scene_bridge import action_names
 from ..settings import action_items
 from . import keymap
@@ -64,15 +64,16 @@ class PLAYABLE_PT_paths(PlayablePanel, bpy.types.Panel):
         layout.operator_menu_enum("playable.actions_from_clip", "source", icon="FILE_MOVIE")
         layout.prop(scene.playable_environment.playing, "update_paths")
         _draw_bake(layout, scene)
+        width = characters_beside_icon(context)
         if note := live.note(scene):
-            wrapped_label(layout, note, "INFO" if note == UPDATING else "ERROR")
+            wrapped_label(layout, note, "INFO" if note == UPDATING else "ERROR", width)
         for name in left_out(scene) if scene.playable_environment.root is not None else ():
             row = layout.row(align=True)
             said = iface_("{name} has no Empty and rests").format(name=name)
             row.label(text=said, icon="INFO", translate=False)
             row.operator("playable.bring_back").object_name = name
         for text in action_warnings(scene):
-            wrapped_label(layout, text, "ERROR")
+            wrapped_label(layout, text, "ERROR", width)
 
 
 def _draw_claims(

@@ -3,7 +3,7 @@
 import bpy
 
 from ..filming.exact_colours import draw_colour_changes
-from ..panel import PlayablePanel, wrapped_label
+from ..panel import PlayablePanel, characters_beside_icon, wrapped_label
 from .provenance import read_provenance, scene_of_strip
 from .running import shown_progress
 from .strip_operators import active_strip
@@ -26,7 +26,7 @@ class PLAYABLE_PT_output(PlayablePanel, bpy.types.Panel):
         layout.prop(settings, "frames_folder")
         layout.prop(settings.strips, "only_changed")
         _draw_buttons(layout, settings)
-        _draw_warnings(layout, scene)
+        _draw_warnings(layout, scene, characters_beside_icon(context))
 
 
 class PLAYABLE_PT_strip_target(PlayablePanel, bpy.types.Panel):
@@ -50,7 +50,7 @@ class PLAYABLE_PT_strip_target(PlayablePanel, bpy.types.Panel):
         layout.prop(strips, "channel")
         layout.prop(strips, "frame_offset")
         for warning in target_warnings(context.scene, target) if target is not None else ():
-            wrapped_label(layout, warning, "ERROR")
+            wrapped_label(layout, warning, "ERROR", characters_beside_icon(context))
 
 
 class PLAYABLE_PT_strip(bpy.types.Panel):
@@ -109,9 +109,9 @@ def _draw_progress(layout: bpy.types.UILayout, job: str) -> bool:
     return progress is not None
 
 
-def _draw_warnings(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
+def _draw_warnings(layout: bpy.types.UILayout, scene: bpy.types.Scene, width: int) -> None:
     if reason := shadowed(scene):
-        wrapped_label(layout, reason, "ERROR")
+        wrapped_label(layout, reason, "ERROR", width)
         layout.operator("playable.leave_sequencer_out")
     draw_colour_changes(layout, scene)
 

@@ -41,7 +41,7 @@ class Layout:
         pass
 
 
-def draw_all():
+def draw_all(width=300):
     """What the add-on's panels say in the scene that is open, as far as they show themselves."""
     window = SimpleNamespace(
         scene=bpy.context.scene,
@@ -49,7 +49,7 @@ def draw_all():
         view_layer=bpy.context.view_layer,
         # In the background Blender knows no scale.
         preferences=SimpleNamespace(system=SimpleNamespace(ui_scale=1.0)),
-        region=SimpleNamespace(width=300),
+        region=SimpleNamespace(width=width),
         workspace=None,
         space_data=None,
     )
@@ -91,3 +91,13 @@ def test_lines_without_an_icon_stay_at_the_border():
     layout = Layout()
     panel.wrapped_label(layout, "one\ntwo", characters=10)
     assert layout.shown == [("NONE", "one"), ("NONE", "two")]
+
+
+def test_in_a_narrow_sidebar_what_needs_attention_has_shorter_lines(environment):
+    bpy.data.texts.remove(environment.playable_environment.state_text)
+    environment.playable_environment.image_path = "/gone/picture.png"
+    longest = [
+        max(len(text) for _, text in draw_all(width)["PLAYABLE_PT_problems"])
+        for width in (200, 300, 500)
+    ]
+    assert longest == sorted(longest) and longest[0] <= 20 < longest[1] < longest[2]
