@@ -133,6 +133,8 @@ def _cube_scene(players: bpy.types.Scene) -> bpy.types.Scene:
     first = scene.view_layers[0]
     first.name, first.use_pass_z = "Cube", True
     second = scene.view_layers.new("Shadow")
+    for each in (first, second):
+        each.update()  # until then Blender 5.2 knows no collections of theirs
     first.layer_collection.children["Shadow"].exclude = True
     second.layer_collection.children["Cube"].indirect_only = True
     return scene

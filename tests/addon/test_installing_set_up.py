@@ -15,7 +15,7 @@ from blender_addon.installing.folder_lock import folder_lock
 from blender_addon.installing.plan import COSTS, CPU, GPU, Cost, SetUpError
 from blender_addon.installing.processes import StoppedError
 from blender_addon.installing.runtime_state import READY
-from blender_addon.installing.set_up import LOG, remove, set_up
+from blender_addon.installing.set_up import INSTALLED, LOG, remove, set_up
 from blender_addon.worker.runtime_python import CHOSEN, RuntimePython
 
 PYTHON = sys.executable
@@ -95,10 +95,15 @@ def stop_after(seconds):
     return lambda: time.monotonic() > end
 
 
-@pytest.mark.parametrize("seconds", [0.0, *random.Random(6).choices(range(40), k=2)])
-def test_stopping_at_any_moment_leaves_nothing(plan, old, seconds):
+@pytest.mark.parametrize("wanted", [0.0, 0.3, INSTALLED])
+def test_stopping_at_any_stage_leaves_nothing(plan, old, wanted):
+    seen = []
     with pytest.raises(StoppedError):
-        set_up(plan, stop_after(seconds / 10), nobody)
+        set_up(
+            plan,
+            lambda: any(share >= wanted for share in seen),
+            lambda _stage, share: seen.append(share),
+        )
     assert old.read_text() == "the old one"
     assert left_behind(plan) == ([], [])
 

@@ -121,7 +121,7 @@ def test_passes_are_cropped_like_the_picture(baked, tmp_path, monkeypatch):
     monkeypatch.setattr(
         PlayableEnvironmentEngine,
         "_hand_over",
-        lambda self, frame, scale: drawn.append(frame) or hand_over(self, frame, scale),
+        lambda self, frame, *rest: drawn.append(frame) or hand_over(self, frame, *rest),
     )
     baked.view_layers[0].use_pass_z = True
     for each in playable_objects(baked).values():
