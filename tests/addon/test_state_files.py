@@ -1,5 +1,6 @@
 """States as files: whole, found again anywhere, and the same pixels as from their picture."""
 
+import contextlib
 import dataclasses
 import errno
 import json
@@ -72,9 +73,10 @@ def test_a_full_disk_leaves_no_part_of_a_file(temporary, monkeypatch):
 
 BUSY_WRITER = """
 import json, sys, tempfile
+from pathlib import Path
 from blender_addon.state_files import state_file
 tempfile.tempdir = sys.argv[1]
-for round in range(100):
+while not Path(sys.argv[1], "enough").exists():
     state_file(json.dumps({"objects": {"x": [0.5] * 20000}})).unlink(missing_ok=True)
 """
 
@@ -84,14 +86,15 @@ def test_blenders_that_write_and_delete_at_the_same_time_never_see_half_a_file(t
     command = [sys.executable, "-c", BUSY_WRITER, str(temporary)]
     writers = [subprocess.Popen(command, cwd=Path(__file__).parents[2]) for _ in range(2)]
     path, seen = temporary / "playable_environments" / file_name(text), 0
-    while any(each.poll() is None for each in writers):
-        try:
-            found = path.read_text()
-        except OSError:
-            continue
-        seen += 1
-        assert found == text
-    assert [each.returncode for each in writers] == [0, 0] and seen
+    try:
+        while seen < 50:
+            assert [each.poll() for each in writers] == [None, None]
+            with contextlib.suppress(OSError):
+                assert path.read_text() == text
+                seen += 1
+    finally:
+        (temporary / "enough").touch()
+    assert [each.wait(60) for each in writers] == [0, 0]
     assert list(path.parent.iterdir()) == []
 
 
