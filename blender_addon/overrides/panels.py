@@ -55,6 +55,11 @@ class PLAYABLE_PT_styles(PlayablePanel, bpy.types.Panel):
     bl_order = 3
     bl_options = {"DEFAULT_CLOSED"}
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        # Before there is an environment, the three steps to it are all there is to see.
+        return context.scene.playable_environment.root is not None
+
     def draw(self, context: bpy.types.Context) -> None:
         layout, styles = self.layout, context.scene.playable_environment.styles
         if styles.sources:

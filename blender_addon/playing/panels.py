@@ -55,6 +55,11 @@ class PLAYABLE_PT_paths(PlayablePanel, bpy.types.Panel):
     bl_idname = "PLAYABLE_PT_paths"
     bl_order = 2
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        # Before there is an environment, the three steps to it are all there is to see.
+        return context.scene.playable_environment.root is not None
+
     def draw(self, context: bpy.types.Context) -> None:
         scene, layout = context.scene, self.layout
         row = layout.row(align=True)
@@ -67,7 +72,7 @@ class PLAYABLE_PT_paths(PlayablePanel, bpy.types.Panel):
         width = characters_beside_icon(context)
         if note := live.note(scene):
             wrapped_label(layout, note, "INFO" if note == UPDATING else "ERROR", width)
-        for name in left_out(scene) if scene.playable_environment.root is not None else ():
+        for name in left_out(scene):
             row = layout.row(align=True)
             said = iface_("{name} has no Empty and rests").format(name=name)
             row.label(text=said, icon="INFO", translate=False)

@@ -17,6 +17,11 @@ class PLAYABLE_PT_output(PlayablePanel, bpy.types.Panel):
     bl_idname = "PLAYABLE_PT_output"
     bl_order = 5
 
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        # Before there is an environment, the three steps to it are all there is to see.
+        return context.scene.playable_environment.root is not None
+
     def draw(self, context: bpy.types.Context) -> None:
         scene, layout = context.scene, self.layout
         settings = scene.playable_environment
@@ -127,14 +132,19 @@ def _draw_provenance(
         ("State", found.get("state", "")[:8]),
         ("Shot", found.get("shot", "")[:8]),
         ("Camera", found.get("camera", "")),
-        ("Quality", found.get("quality", "")),
+        ("Quality", found.get("quality", "").capitalize()),
         ("Version", found.get("version", "")),
-        ("Rendered", found.get("rendered", "")),
+        ("Rendered", _moment(found.get("rendered", ""))),
     )
     for label, value in lines:
         split = column.split(factor=0.35)
         split.label(text=label)
         split.label(text=value, translate=False)
+
+
+def _moment(iso: str) -> str:
+    """A time of ISO 8601 in UTC, as people read it."""
+    return f"{iso[:10]} {iso[11:16]} UTC" if iso else ""
 
 
 CLASSES = (PLAYABLE_PT_output, PLAYABLE_PT_strip_target, PLAYABLE_PT_strip)
