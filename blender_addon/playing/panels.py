@@ -124,9 +124,6 @@ def _draw_keys(layout: bpy.types.UILayout, target: bpy.types.Object, frame: int)
 
 def _draw_bake(layout: bpy.types.UILayout, scene: bpy.types.Scene) -> None:
     settings = scene.playable_environment
-    if settings.root is None:
-        layout.label(text="There is no environment yet", icon="INFO")
-        return
     if settings.bake_text is None:
         layout.label(text="Nothing is baked yet", icon="INFO")
         return

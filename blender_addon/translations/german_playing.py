@@ -75,7 +75,6 @@ MESSAGES = {
             "Das Empty eines spielbaren Objekts wieder dort anlegen, wo das Bild das Objekt zeigt"
         ),
         "Paths": "Pfade",
-        "There is no environment yet": "Noch keine Umgebung",
         "Baked: frames {first} to {last}": "Gebacken: {first} bis {last}",
         "Bake": "Backen",
         "The baked shot and its paths, as JSON": "Der gebackene Shot und seine Pfade als JSON",
