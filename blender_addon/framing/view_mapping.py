@@ -44,12 +44,6 @@ class PictureFrame:
         v = (self.top - y) / (self.top - self.bottom) * self.height
         return u, v
 
-    def to_region(self, u: float, v: float) -> tuple[float, float]:
-        """The place in the view where a pixel of the picture appears."""
-        x = self.left + u / self.width * (self.right - self.left)
-        y = self.top - v / self.height * (self.top - self.bottom)
-        return x, y
-
 
 def frame_in_view(
     corners: np.ndarray,

@@ -192,7 +192,7 @@ def test_a_strip_made_before_the_first_save_is_relative_afterwards(baked, tmp_pa
     assert strip.directory.startswith("//frames")
     shutil.move(tmp_path / "film", tmp_path / "moved")
     scene = opened(tmp_path / "moved" / "film.blend")
-    assert problems_of(scene) == [] or "picture" in problems_of(scene)[0]
+    assert problems_of(scene) == []
 
 
 def test_two_environments_of_one_file_do_not_know_each_other(baked, picture, tmp_path):
@@ -233,6 +233,7 @@ def test_a_linked_scene_renders_and_cannot_be_keyed(baked, addon, tmp_path):
     before = film(baked, 4, tmp_path / "before.png")
     source, name = saved(tmp_path / "source.blend"), baked.name
     bpy.ops.wm.read_homefile(use_empty=True, use_factory_startup=True)
+    bpy.context.scene.name = "own"  # Blender renders a scene by its name
     with bpy.data.libraries.load(str(source), link=True) as (_, taken):
         taken.scenes = [name]
     (scene,) = taken.scenes
@@ -240,10 +241,7 @@ def test_a_linked_scene_renders_and_cannot_be_keyed(baked, addon, tmp_path):
     bpy.context.scene.render.engine = "BLENDER_WORKBENCH"
     with pytest.raises(blender_addon.playables.ShotError, match="library override"):
         playables.key_action(playable_objects(scene)["player_1"], 2, 2)
-    layer = scene.view_layers[0]
-    layer.update()
-    assert playable_objects(scene).keys() == {"player_1", "player_2"}
-    assert before.shape == (stage.HEIGHT, stage.WIDTH, 3)
+    assert np.array_equal(film(scene, 4, tmp_path / "after"), before)
 
 
 def test_a_library_override_is_keyed_locally_and_keeps_its_keys_in_the_file(baked, tmp_path):
