@@ -8,7 +8,9 @@ import bpy
 from pe_runtime.contract.errors import ShotError
 
 from ..bake import bake_of
+from ..playing.claims import left_out
 from ..scene_bridge import playable_objects
+from ..strips.placing import strips_of
 
 MODEL_SUFFIX = ".safetensors"
 
@@ -27,7 +29,7 @@ def problems_of(scene: bpy.types.Scene) -> list[str]:
         *_missing_model(settings.model),
         *_missing_picture(settings.image_path),
         *_object_problems(scene),
-        *_missing_frames(settings),
+        *(_missing_frames(settings.job) if settings.job else ()),
     ]
 
 
@@ -50,15 +52,12 @@ def _object_problems(scene: bpy.types.Scene) -> Iterator[str]:
     if settings.root.name not in scene.objects:
         yield f"The environment root {settings.root.name!r} is not in this scene; link it again"
     try:
-        standing = playable_objects(scene)
+        playable_objects(scene)
     except ShotError as error:
         yield str(error)
         return
-    for name in sorted(set(settings.typed_boxes()) - set(standing)):
-        yield (
-            f"{name!r} is in the picture but has no Empty; undo its deletion, or make a New "
-            "Playable Environment without its box"
-        )
+    for name in left_out(scene):
+        yield f"{name!r} is in the picture but has no Empty; press Bring Back in Paths"
     if settings.bake_text is not None:
         try:
             bake_of(settings)
@@ -66,13 +65,8 @@ def _object_problems(scene: bpy.types.Scene) -> Iterator[str]:
             yield str(error)
 
 
-def _missing_frames(settings: object) -> Iterator[str]:
-    edit = settings.edit_scene
-    if edit is None or edit.sequence_editor is None or not settings.job:
-        return
-    for strip in edit.sequence_editor.strips:
-        if settings.job not in strip.values():
-            continue
+def _missing_frames(job: str) -> Iterator[str]:
+    for strip in (each for scene in bpy.data.scenes for each in strips_of(scene, job)):
         folder = Path(bpy.path.abspath(strip.directory))
         # One look at the folder: a panel asks for every frame of a film at each redraw.
         there = {file.name for file in folder.iterdir()} if folder.is_dir() else set()

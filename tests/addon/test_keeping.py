@@ -184,6 +184,15 @@ def test_frames_that_left_the_strips_folder_are_counted(baked, tmp_path):
     assert problem.startswith("1 of 4 frames of the strip")
 
 
+def test_frames_are_missed_in_whatever_scene_and_place_the_strip_is(baked, tmp_path):
+    cut = bpy.data.scenes.new("The cut")
+    baked.playable_environment.strips.target = cut
+    bpy.ops.playable.render_to_sequencer(folder=str(tmp_path / "frames"))
+    assert baked.playable_environment.edit_scene is None and problems_of(baked) == []
+    (tmp_path / "frames" / "frame_0003.png").unlink()
+    assert [text.partition(" frames")[0] for text in problems_of(baked)] == ["1 of 4"]
+
+
 def test_a_strip_made_before_the_first_save_is_relative_afterwards(baked, tmp_path):
     bpy.ops.playable.render_to_sequencer(folder=str(tmp_path / "film" / "frames"))
     saved(tmp_path / "film" / "film.blend")
