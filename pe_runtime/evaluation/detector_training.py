@@ -84,7 +84,9 @@ def train_detector(
         schedule.step()
         if progress is not None:
             progress(step + 1, training.steps)
-    header = {"kind": KIND, "widths": list(WIDTHS), "width": images.shape[2], "data": str(data)}
+    # Which data set, and not where it lay on somebody's machine.
+    learnt_from = "/".join(Path(data).resolve().parts[-2:])
+    header = {"kind": KIND, "widths": list(WIDTHS), "width": images.shape[2], "data": learnt_from}
     # Half precision halves the file and changes no box.
     tensors = {name: each.half() for name, each in network.state_dict().items()}
     save_checkpoint(output, tensors, header | {"steps": training.steps})

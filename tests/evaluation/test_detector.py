@@ -7,7 +7,7 @@ import pytest
 import torch
 from toy_world import HEIGHT, WIDTH, find_cards, record
 
-from pe_runtime.checkpoint import save_checkpoint
+from pe_runtime.checkpoint import load_checkpoint, save_checkpoint
 from pe_runtime.contract.episode import read_dataset, read_episode
 from pe_runtime.contract.errors import CheckpointError, EpisodeError
 from pe_runtime.evaluation.detector_network import (
@@ -57,6 +57,11 @@ def test_the_same_seed_trains_the_same_detector(masked, trained, tmp_path):
     steps = DetectorTraining(steps=3, batch=2)
     first, again = (train_detector(masked, tmp_path / name, steps) for name in ("a", "b"))
     assert first.read_bytes() == again.read_bytes()
+
+
+def test_a_detectors_file_names_its_data_set_and_no_folder_of_a_machine(trained, masked):
+    assert load_checkpoint(trained)[0]["data"] == "/".join(masked.parts[-2:])
+    assert load_checkpoint(OWN_DETECTOR)[0]["data"] == "duel/train"
 
 
 def test_boxes_are_in_pixels_of_the_picture_whatever_its_size(trained, masked):
